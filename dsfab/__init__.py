@@ -28,7 +28,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 try:
-    __version__ = version("dsfab")  # from the git tag of the installed version
+    __version__ = version("dsfab")  # the version of the installed package, from its git tag
 except PackageNotFoundError:  # the files were copied without an installation
     __version__ = "0+unknown"
 

@@ -23,7 +23,7 @@ class CaseResult:
     """Load, equilibrium and stress of a load case or a combination.
     sigma   : (m, 3, 3) stress, Pa, of the middle surface; of the lower side for a flat sheet that only bends.
     factors : factors of the cases in a combination; None for a case.
-    layered : (m, 3, 3) stress of all layers, Pa; None if stripes follow `sigma`."""
+    layered : (m, 3, 3) stress combined from all layers, Pa; None if the stripes follow `sigma`."""
 
     load: LoadCase
     equilibrium: Equilibrium
@@ -53,11 +53,11 @@ class StaticsResult:
 
     @property
     def combinations(self) -> dict[str, Mapping[str, float]]:
-        """Factor of each case, by name of the combination, then by name of the case."""
+        """Factors of the load cases in each combination, by name of the combination, then by name of the case."""
         return {name: case.factors for name, case in self.cases.items() if case.factors is not None}
 
     def loads(self, names: Iterable[str]) -> dict[str, LoadCase]:
-        """Return the loads of these cases or combinations, by name."""
+        """Return the loads of the cases or combinations `names`, by name."""
         return {name: self.cases[name].load for name in names}
 
 
@@ -72,11 +72,11 @@ class DiffusionResult:
 
 @dataclass(frozen=True, eq=False)
 class StripeSteering:
-    """Changes of the stripes' directions by guide curves or symmetry.
+    """Stripe directions after changes by guide curves or symmetry.
     along  : (m,) squared cosine of the angle between the major stripes and the first principal stress.
-    guided : (m,) weight of guide curves.
-    over   : (m,) True if major stripes follow the second principal stress.
-    told   : sentence for the user, or ''."""
+    guided : (m,) total weight of the guide curves in each face.
+    over   : (m,) True if the major stripes follow the second principal stress.
+    told   : sentence for the user on these changes, or ''."""
 
     along: Floats
     guided: Floats
@@ -86,9 +86,9 @@ class StripeSteering:
 
 @dataclass(frozen=True, eq=False)
 class EvenStripes:
-    """Lines of evenly spaced stripes, major (family 0) and minor (family 1).
+    """Lines of evenly spaced stripes, major (family 0) and minor (family 1). Halving removes every second line.
     phases  : for each family, a phase that is a whole number on every line before halving.
-    wanted  : wanted[i][k], (m,), is the share of each face where lines of family i are halved at most k times.
+    wanted  : wanted[i][k] (m,) is the fraction of each face where family i is halved at most k times.
     slope   : (n, 2) lines per metre before halving.    density : (n, 2) lines per metre after halving.
     first   : the family, 0 or 1, that is halved first.
     chart   : surface divided at ends of lines.
@@ -124,7 +124,7 @@ class Candidate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The candidates for modes and phases that the preset leaves to dsfab, best first."""
+    """Candidates for modes and phases, best first, if the preset sets these values to `auto`."""
 
     candidates: tuple[Candidate, ...]
 
@@ -156,7 +156,7 @@ class Attempt(NamedTuple):
     compliance : joules; infinite for a refused trial.    over_uncut : compliance / that of the uncut sheet.
     kept       : share of the surface that is material.
     dead_ends  : number of members with a free end.    slits : number of narrow openings.
-    refused    : reason to refuse the trial, or ''.    plate : number of filled openings."""
+    refused    : reason to refuse the trial, or ''.    plate : number of filled openings in a plate."""
 
     name: str
     compliance: float = float("inf")
@@ -169,20 +169,20 @@ class Attempt(NamedTuple):
 
     @property
     def rank(self) -> tuple[bool, bool, bool, bool, float]:
-        """Sort key; the least is best."""
+        """Sort key of trials; the best trial has the least key."""
         soft = float("inf") if self.refused else float(f"{self.compliance * self.kept:.3g}")
         return bool(self.refused), self.dead_ends > 0, self.plate > 0, self.slits > 0, soft
 
 
 @dataclass(frozen=True, eq=False)
 class PatternResult:
-    """Results of stage 4: named fields, linear on faces, and the values at which each field is cut.
+    """Results of stage 4: named fields, linear on faces, and the levels at which each field is cut.
     fields      : (n,) values at vertices, or (n, 2) for stripes of varying width; a `CornerField` for evenly spaced
                   stripes; a `DividedField` for kept regions.
     levels      : values at which to cut each field. A point is material if an odd number of levels lie below its value.
-    half_widths : (n,) half-width of the stripes of each field, in distances between middle lines; infinite for other
-                  fields.
-    factor      : factor on the widths.
+    half_widths : (n,) half-width of the stripes of each field / distance between middle lines; infinite for fields
+                  without stripes.
+    factor      : factor by which all widths were scaled.
     frequency, mode, phase : of the major and of the minor stripes.
     even        : evenly spaced stripes; None for stripes that follow diffusion modes.
     asked       : the preset's section [pattern] with results in place of `auto`; None if no value is `auto`.
@@ -209,15 +209,15 @@ class PatternResult:
 
     @property
     def cut_inputs(self) -> tuple[tuple[Floats | CornerField | DividedField, ...], tuple[Floats, ...], Tidy | None]:
-        """Fields, levels, and rules for the removal of stripes."""
+        """The inputs of the cut: fields, levels, and rules for the removal of stripes."""
         return self.fields, self.levels, self.tidy
 
     def with_trial(self, trial: TrialCut | None) -> "PatternResult":
-        """Return this pattern with `trial`; this pattern unchanged if the trial does not fit."""
+        """Return this pattern with the trial cut `trial`, or unchanged if the trial cut has other inputs."""
         return replace(self, trial=trial) if trial and trial.is_cut_of(self.cut_inputs) else self
 
     def half_width(self, family: str) -> Floats:
-        """Return the half-widths (n,) of a family, in periods; 0 for an unused family."""
+        """Return the half-widths (n,) of a stripe family, in stripe periods; 0 for an unused family."""
         by_family = dict(zip(self.names, self.half_widths, strict=True))
         return by_family[family] if family in by_family else np.zeros_like(self.half_widths[0])
 
@@ -227,7 +227,7 @@ class PatternResult:
 
 
 class Piece(NamedTuple):
-    """A connected part of the sheet: area, m2; True if supported; True under a concentrated load."""
+    """A connected part of the sheet. area : m2. held : True if supported. loaded : True under a concentrated load."""
 
     area: float
     held: bool
@@ -235,7 +235,7 @@ class Piece(NamedTuple):
 
 
 class FilledOpenings(NamedTuple):
-    """A group of neighbouring filled openings: their number, and the centre (3,) of their area, metres."""
+    """A group of neighbouring filled openings. openings : number.    place : (3,) centre of their area, m."""
 
     openings: int
     place: Floats
@@ -246,14 +246,14 @@ class FilledOpenings(NamedTuple):
         x, y, z = (np.round(self.place, 2) + 0.0).tolist()
         return (
             f"{self.openings} filled openings lie side by side around ({x:g}, {y:g}, {z:g}) m, where stripes come "
-            "together, and form a plate with a ragged edge"
+            f"together; these fills form a plate with a ragged edge"
         )
 
 
 @dataclass(frozen=True, eq=False)
 class SlicingResult:
-    """Results of stage 5: all cells, the remaining sheet, and its pieces (largest first).
-    pinches : number of mended contacts.    plate : filled openings that form a plate, or None."""
+    """Results of stage 5: all mesh cells of the cut, the remaining sheet, and its connected pieces (largest first).
+    pinches : number of mended contacts at single points.    plate : filled openings that form a plate, or None."""
 
     cells: Sheet
     sheet: Sheet
@@ -263,7 +263,7 @@ class SlicingResult:
 
 
 class Note(NamedTuple):
-    """A note for the user, and its stage."""
+    """A note for the user, and the stage of the design that made it."""
 
     stage: str
     text: str
@@ -278,7 +278,7 @@ ROWS = {
     "thickening": ("thickening",),
 }
 """Rows of the timing table, by stage; each row is a key of `Log.seconds`."""
-PARTS = {"statics": ("factor",)}  # For each stage, timing rows that other rows include.
+PARTS = {"statics": ("factor",)}  # Timing rows that are parts of other rows, by stage.
 Progress = Callable[[str, str], None]  # Receives the name of a stage and a message about its step.
 
 
@@ -324,7 +324,7 @@ class Log:
         self.notes.extend(note for note in earlier.notes if note.stage == stage)
 
     def of_stages(self, stages: Sequence[str], progress: Progress | None) -> "Log":
-        """Return a log with the seconds and notes of given stages."""
+        """Return a new log with the seconds and notes of the given stages."""
         log = Log(progress, file=self.file if "surface" in stages else None)
         for stage in stages:
             log.add_stage(self, stage)

@@ -178,7 +178,7 @@ def trailing() -> Iterator[BadFile]:
         yield BadFile(f"more-{name}", FORMATS[name]() + b"7 7 7\n", len(F), "after")
     yield BadFile("more-plain.obj", obj() + b"7 7 7\n", len(F), "of unknown kind")
     yield BadFile("more-text.stl", stl_text() + b"7 7 7\n", None)
-    yield BadFile("words-text.ply", ply_text() + b"the end\n", len(F), "no numbers")
+    yield BadFile("words-text.ply", ply_text() + b"the end\n", len(F), "not numbers")
     yield BadFile("no-end-text.stl", stl_text().partition(b"endsolid")[0], len(F), "endsolid, is missing")
 
 
@@ -197,7 +197,7 @@ def odd_faces() -> Iterator[BadFile]:
         "flipped.obj", obj(V, np.concatenate([F[: len(F) // 2], F[len(F) // 2 :, ::-1]])), len(F), "turned over"
     )
     soup = V[F].reshape(-1, 3), np.arange(3 * len(F)).reshape(-1, 3)
-    yield BadFile("soup.obj", obj(*soup), len(F), "joined")
+    yield BadFile("soup.obj", obj(*soup), len(F), "merged")
     yield BadFile("zero.obj", obj() + b"f 0 1 2\n", None)
     yield BadFile("outside.obj", obj() + b"f 1 2 99\n", None)
     yield BadFile("float-corner.obj", obj() + b"f 1 2 3.5\n", None)

@@ -30,8 +30,8 @@ SCALING = (10_000, 40_000, 100_000)  # Vertex counts of the meshes for `--scalin
 SCALING_STATICS = (*SCALING, 250_000, 500_000)  # Vertex counts for `--scaling` with `--stages statics`.
 
 STATICS_COLUMNS = ("assembly", "factor", "solve", "stress", "total", "cpu")
-"""Columns of `--stages statics`, in seconds. `solve` excludes the factorisation.
-`cpu` is the processor time of `total`, for comparisons on a busy machine."""
+"""Columns of the table for `--stages statics`, in seconds. `solve` excludes the factorisation.
+`cpu` is the processor time of all parts together; it allows comparisons on a busy machine."""
 
 
 @Parameter(name="*")
@@ -42,18 +42,19 @@ class Workload:
     scaling: Annotated[
         bool,
         Switch(
-            help="Run each preset with 10, 40 and 100 thousand vertices, by changing surface.edge; "
-            "with --stages statics also 250 and 500 thousand."
+            help="Run each preset on meshes of 10, 40 and 100 thousand vertices, made by changing surface.edge. With "
+            "--stages statics, also run 250 and 500 thousand vertices."
         ),
     ] = False
     vertices: Annotated[str | None, Parameter(help="Vertex counts for --scaling, such as 10000,40000.")] = None
     stages: Annotated[
-        Literal["all", "statics"], Parameter(help="Time every stage, or the parts of the statics alone.")
+        Literal["all", "statics"],
+        Parameter(help="Measure the time of every stage, or only of the parts of the statics."),
     ] = "all"
 
     def sizes(self) -> tuple[int, ...]:
-        """Return the vertex counts to time; empty for the preset's own mesh.
-        Raises DsfabError for an invalid list."""
+        """Return the vertex counts of the meshes to time. An empty result means the preset's own mesh.
+        Raises DsfabError if `vertices` is not a list of integers from 100 up."""
         if self.vertices is None:
             return (SCALING_STATICS if self.stages == "statics" else SCALING) if self.scaling else ()
         try:
@@ -70,15 +71,20 @@ class Workload:
 def bench(
     *presets: str,
     source: Source = UNCHANGED,
-    repeat: Annotated[int, Parameter(name=["--repeat", "-n"], help="Runs per preset; the table shows medians.")] = 3,
+    repeat: Annotated[
+        int, Parameter(name=["--repeat", "-n"], help="Runs per preset; the table shows the median time of these runs.")
+    ] = 3,
     work: Workload = Workload(),
     preview: Annotated[
-        bool, Switch(help="Time the previewer in place of presets: pictures a second, plain and with stripes.")
+        bool,
+        Switch(
+            help="Measure the previewer in place of presets: pictures per second, without stripes and with stripes."
+        ),
     ] = False,
-    step: Annotated[bool, Switch(help="Include STEP in the export column.")] = False,
+    step: Annotated[bool, Switch(help="Include the time to write STEP in the column of the export.")] = False,
     json_: Annotated[bool, Switch(name="--json", help="Print a JSON list instead of a table.")] = False,
 ) -> int:
-    """Time presets stage by stage, with peak memory, as in Table 2 of the paper Diffusion Structures (2020)."""
+    """Measure time and peak memory of each stage of presets, as in Table 2 of Diffusion Structures (2020)."""
     if preview:
         return _bench_preview(presets, json_)
     sizes = work.sizes()
@@ -100,7 +106,7 @@ def _bench_preview(presets: Sequence[str], as_json: bool) -> int:
     from dsfab.app.bench_preview import PIXELS, SIZES, frame_rates, rates_table
 
     if presets:
-        raise DsfabError(f"bench --preview draws its own surface and takes no preset; leave out {presets[0]!r}")
+        raise DsfabError(f"bench --preview draws a built-in test surface and takes no preset; leave out {presets[0]!r}")
     reporter = Reporter(quiet=as_json)
     reporter("bench", f"drawing {', '.join(f'{n:,}' for n in SIZES)} triangles at {PIXELS[0]} x {PIXELS[1]}")
     with reporter:
@@ -110,7 +116,7 @@ def _bench_preview(presets: Sequence[str], as_json: bool) -> int:
 
 
 def _edge_overrides(name: str, source: Source, vertex_counts: tuple[int, ...]) -> list[tuple[str, ...]]:
-    surface = source.read_preset(name).surface  # reports a mistake in any preset before the first run
+    surface = source.read_preset(name).surface  # a mistake in any preset raises an error before the first run
     if not vertex_counts:
         return [()]
     edge = getattr(surface, "edge", None)
@@ -124,7 +130,7 @@ def _edge_overrides(name: str, source: Source, vertex_counts: tuple[int, ...]) -
 
 
 def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
-    """Return the seconds of each stage of a preset, with peak memory (MiB) and mesh sizes."""
+    """Build a preset; return seconds of each stage, peak memory (MiB) and mesh size, by name."""
     from dsfab.design import run
     from dsfab.design.output.files import deliverable
     from dsfab.export import write
@@ -155,7 +161,7 @@ def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
 
 
 def measure_statics(name: str, source: Source) -> dict[str, Any]:
-    """Return the seconds of each part of the statics, with peak memory (MiB) and mesh sizes."""
+    """Solve the statics of a preset; return seconds of each part, peak memory (MiB) and mesh size, by name."""
     from dsfab.design import Log, statics_step, surface_step
 
     preset, log = source.read_preset(name), Log(None)
@@ -187,7 +193,9 @@ def _in_own_process(name: str, source: Source, step: bool, stages: str) -> dict[
         [sys.executable, "-m", "dsfab.app.bench", request], capture_output=True, text=True, check=False
     )
     if completed.returncode:
-        raise DsfabError((completed.stderr.strip() or f"the run of {name} was killed").splitlines()[-1])
+        raise DsfabError(
+            (completed.stderr.strip() or f"the process that ran preset {name} was killed").splitlines()[-1]
+        )
     result: dict[str, Any] = json.loads(completed.stdout)
     return result
 

@@ -1,4 +1,4 @@
-"""The command `dsfab bench --preview`, which measures drawn frames per second."""
+"""The command `dsfab bench --preview`, which measures frames per second of the renderer."""
 
 import json
 import os
@@ -31,7 +31,7 @@ SOFTWARE = re.compile(r"llvmpipe|softpipe|swrast|swiftshader|software|gdi generi
 
 
 def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
-    """Return a wavy torus of about this many triangles: V (n, 3), F (m, 3), and fields (n, 6) of stripes."""
+    """Return a wavy torus as vertices (n, 3) and faces (m, 3), with test values (n, 6) for the stripe shader."""
     rows = max(round((triangles / 6) ** 0.5), 3)
     columns = 3 * rows
     i, j = np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij")
@@ -47,10 +47,11 @@ def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
 
 
 def measure(triangles: int) -> dict[str, Any]:
-    """Draw a mesh of about this many triangles; return frames per second and further values.
-    plain : the mesh alone.    shader : with stripes.    graded : with stripes of varying width.    walls : with walls.
-    over_clock, over_cpu : real time and processor time of a `shader` frame, divided by the time of a `plain` frame.
-    change_ms : milliseconds to change the settings.    peak_mb : peak memory in MiB."""
+    """Draw a mesh of about `triangles` triangles; return measured values by name.
+    plain, shader, graded, walls : frames per second without stripes, with stripes, with stripes of varying width, and
+        with stripes that have walls (visible thickness).
+    over_clock, over_cpu : real time and processor time of a `shader` frame, divided by those of a `plain` frame.
+    change_ms : milliseconds to change the stripe settings.    peak_mb : peak memory in MiB."""
     from dsfab.render.opengl import require_rendering
     from dsfab.render.scene import Body, Scene
     from dsfab.render.shader import StripeShader
@@ -119,7 +120,8 @@ def _change_settings(stripes: "StripeShader", number: int, kind: str, eye: Float
 
 
 def frame_rates(sizes: tuple[int, ...] = SIZES) -> list[dict[str, Any]]:
-    """Return the results of `measure` for each triangle count in `sizes`."""
+    """Return the results of `measure` for each triangle count in `sizes`. With a graphics card on Linux, the software
+    renderer is measured, too."""
     rows = [_in_own_process(triangles, {}) for triangles in sizes]
     if rows and sys.platform.startswith("linux") and not SOFTWARE.search(rows[0]["renderer"]):
         rows += [_in_own_process(triangles, {"LIBGL_ALWAYS_SOFTWARE": "1"}) for triangles in sizes]

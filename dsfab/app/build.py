@@ -30,7 +30,8 @@ class Files:
     ] = None
 
     accept: Annotated[
-        bool, Switch(help="Write the files even if a load has no support, or if the sheet is as thin as a film.")
+        bool,
+        Switch(help="Write the files even if a load has no support, or if the sheet has become as thin as a film."),
     ] = False
 
     def preset_overrides(self) -> tuple[str, ...]:
@@ -46,7 +47,7 @@ class Files:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class PictureFlags:
-    """Options of a build: which pictures it draws."""
+    """Options for the pictures of a build."""
 
     picture: Annotated[bool, Parameter(name=["--preview", "--picture"], help="Also make preview.png.")] = True
     marked: Annotated[
@@ -61,7 +62,7 @@ class PictureFlags:
             probe_ahead()
 
     def drawable(self, reporter: Reporter) -> "PictureFlags":
-        """Return these flags, without pictures if this machine cannot draw."""
+        """Return these options; without pictures if this machine cannot draw."""
         from dsfab.render.opengl import why_no_pictures
 
         why = why_no_pictures() if self.picture or self.marked else ""
@@ -86,7 +87,7 @@ def build(
     """Build a preset: verdict, picture, solid, sheet and numbers, in one folder.
 
     For a mesh file, dsfab proposes a preset and prints each decision, like `dsfab new`. The exit code is 5 if the
-    structure does not carry its loads; the files are written all the same.
+    structure does not carry its loads; dsfab then writes the files nevertheless.
 
     Parameters
     ----------
@@ -139,7 +140,9 @@ def _step_is_optional(export: "Export") -> bool:
 
 
 def _refusal_line(why: str, preset: "Preset", folder: Path) -> str:
-    longer = f"; dsfab export {shlex.quote(str(folder))} --to step --step auto takes minutes, but may succeed"
+    longer = (
+        f"; dsfab export {shlex.quote(str(folder))} --to step --step auto takes minutes, but may write the STEP file"
+    )
     return f"left out: {why}{longer if preset.export.step == 'quick' else ''}"
 
 

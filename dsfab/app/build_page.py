@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 LINES = 25  # Number of lines that a build prints by default, for a small terminal.
 
 USER_STAGES = ("surface", "statics")
-"""Stages whose notes a user should know: how dsfab understood the surface and the loads. Notes of later stages tell
-how dsfab made the structure buildable."""
+"""Stages with important notes for the user, on how dsfab interpreted the surface and the loads. Notes of later stages
+describe changes that make the structure buildable."""
 
 
 @Parameter(name="*")
@@ -31,7 +31,7 @@ class Output:
 
     quiet: Quiet = False
     verbose: Annotated[
-        bool, Switch(name=["--verbose", "-v"], help="Print every note, measure and step, with seconds.")
+        bool, Switch(name=["--verbose", "-v"], help="Print every note, measure and step, with its time in seconds.")
     ] = False
 
 
@@ -84,7 +84,7 @@ class BuildPage:
         sys.stdout.flush()
 
     def print_rest(self, design: "Design", folder: Path, saved: "SavedDesign", refused: Sequence[str]) -> None:
-        """Print reactions, notes and files. refused : a sentence for each missing file."""
+        """Print support reactions, notes and the files. refused : a reason for each unwritten file."""
         from dsfab.render.design_picture import caption
         from dsfab.report.design.carrying import reaction_lines
         from dsfab.study import sizing_result
@@ -112,7 +112,7 @@ class BuildPage:
         count = len(lines) if self.output.verbose or len(lines) < room else max(1, room - 2)
         self.print_lines([f"{title}:", *(f"  {line}" for line in lines[:count])])
         if rest := len(lines) - count:
-            self.print_lines([f"  and {rest} more: --verbose, or design.json"])
+            self.print_lines([f"  and {rest} more lines: see them with --verbose, or in design.json"])
 
 
 def _fabrication_lines(facts: Mapping[str, Any]) -> list[str]:

@@ -41,7 +41,7 @@ class Expected:
     set_: Set = ()
 
     def preset_name(self, file: Path) -> str | None:
-        """Return the preset of the command line, else the path of preset.toml beside `file`, else None."""
+        """Return the preset of the command line. The default is preset.toml in the file's folder, else None."""
         neighbour = file.parent / "preset.toml"
         return self.preset if self.preset is not None else str(neighbour) if neighbour.is_file() else None
 
@@ -61,7 +61,7 @@ class Reading:
     density: Annotated[float, Parameter(help="Density for the mass, kg/m3 [the density in the preset].")] = 0.0
 
     def contents(self, file: Path, deflection: float) -> "FileContents":
-        """Return the solid in a file. deflection : largest distance (m) of triangles from curved faces."""
+        """Read the solid from a file. deflection : largest distance (m) between curved faces and their triangles."""
         from dsfab.study.file_check import read_shipped
         from dsfab.surface import DEFAULT_TRIANGLES
 
@@ -79,7 +79,7 @@ def check(
     json_: Annotated[bool, Switch(name="--json", help="Print JSON instead of text.")] = False,
     quiet: Quiet = False,
 ) -> int:
-    """Read an exported solid again with other readers: is it sound, and is it the design?
+    """Read an exported solid with independent readers; check that it is valid, and that it matches the design.
 
     The exit code is 1 if a check fails.
 
@@ -198,7 +198,11 @@ def check_lines(checked: "FileCheck", preset: str | None = None) -> Iterator[str
 def _number_rows(checked: "FileCheck") -> Iterator[tuple[str, str]]:
     contents, soundness, clearances, distance = checked.found, checked.soundness, checked.clearances, checked.distance
     low, high = soundness.box
-    yield "unit", f"{contents.unit}, " + ("named by the file" if contents.declared else "assumed: STL has no units")
+    yield (
+        "unit",
+        f"{contents.unit}, "
+        + ("named by the file" if contents.declared else "this unit is assumed, because STL files have no units"),
+    )
     yield "size", " x ".join(length(side) for side in (high - low).tolist())
     yield "triangles", f"{len(contents.F):,}" + (f", {contents.collapsed} more collapsed" if contents.collapsed else "")
     yield "pieces", f"{soundness.pieces}" + (f", touching in {soundness.pinches} points" if soundness.pinches else "")
@@ -237,10 +241,12 @@ def _reason(finding: "Finding", checked: "FileCheck") -> str:
         return _unit_reason(checked)
     if finding.name == "compliance" and checked.carrying is not None:
         softening = checked.carrying.ratio - 1
-        return f"the solid is {abs(softening):.1%} {'softer' if softening > 0 else 'stiffer'} than the shell"
+        return (
+            f"the solid is {abs(softening):.1%} {'softer' if softening > 0 else 'stiffer'} than the shell of the design"
+        )
     if finding.name == "design" and finding.verdict == "fail" and checked.distance is not None:
         distance, allowed = checked.distance.beyond + checked.distance.allowed, checked.distance.allowed
-        return f"the file's solid is {length(distance)} from the design's surface; the limit is {length(allowed)}"
+        return f"the file's solid is up to {length(distance)} from the design's surface; the limit is {length(allowed)}"
     return finding.reason
 
 
@@ -253,5 +259,8 @@ def _unit_reason(checked: "FileCheck") -> str:
         )
     wall = checked.clearances.wall if checked.clearances else None
     likely_unit = "metres" if wall is not None and wall.size < 1 else "micrometres"
-    words = f"its thinnest wall is {length(wall.size) if wall else 'nothing'}, so the unit is probably {likely_unit}"
-    return f"if the solid is in {read}, {words}; scale the file or give --unit"
+    words = (
+        f"the thinnest wall of the solid is {length(wall.size) if wall else 'nothing'}, so the unit is probably "
+        f"{likely_unit}"
+    )
+    return f"if the lengths of the solid are in {read}, {words}; scale the file or give --unit"

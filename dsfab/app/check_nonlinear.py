@@ -33,13 +33,16 @@ class Nonlinear:
     ] = None
     imperfection: Annotated[
         float | None,
-        Parameter(help="Imperfection in metres, shaped like the first buckling mode [the longest side / 300]."),
+        Parameter(
+            help="Largest imperfection in metres, in the shape of the first buckling mode [the longest side / 300]."
+        ),
     ] = None
     check_edge: Annotated[
         float | None,
         Parameter(
             help="Smallest edge length of the triangles, metres. For a design with shorter edges, dsfab cuts a new "
-            "sheet without fillets. 0 keeps the design's sheet and fillets [the design's edge length, no fillets]."
+            "sheet without fillets. 0 keeps the sheet of the design, with fillets [edge length of the design, "
+            "without fillets]."
         ),
     ] = None
     minutes: Annotated[float, Parameter(help="Time limit for each of the two or three runs of CalculiX.")] = 60.0
@@ -91,7 +94,7 @@ def nonlinear_lines(result: "NonlinearCheck") -> Iterator[str]:
     situation = "under its load" if result.limit >= 1 or not result.given_way else "where it gives way"
     yield (
         f"largest displacement {situation}: {length(result.moved)}; this check assumes elastic material and ignores "
-        "its strength"
+        f"the strength of the material"
     )
     steps = range(0, len(result.load), max(len(result.load) // 10, 1))
     yield "  times its load  " + "  ".join(f"{result.load[k]:>8.3g}" for k in steps)

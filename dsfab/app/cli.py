@@ -19,7 +19,7 @@ from dsfab import __version__
 from dsfab.app.terminal import ExitCode
 from dsfab.core.errors import DsfabError, NotMadeError
 
-LISTS = ("-f", "--format", "--against")  # Options that take several values with commas.
+LISTS = ("-f", "--format", "--against")  # Options that take several values, separated by commas.
 
 app = App(
     name="dsfab",
@@ -53,18 +53,22 @@ app.command("dsfab.app.listing:presets", name="presets", help="List the presets 
 app.command(
     "dsfab.app.listing:materials", name="materials", help="List the materials that a preset may name, with sources."
 )
-app.command("dsfab.app.listing:inspect", name="inspect", help="Describe a mesh file, and check whether it is sound.")
+app.command("dsfab.app.listing:inspect", name="inspect", help="Describe a mesh file, and check the mesh for faults.")
 app.command(
     "dsfab.app.verify:verify", name="verify", help="Solve structures with published answers to test the statics."
 )
-app.command("dsfab.app.reproduce:reproduce", name="reproduce", help="Make the figures of the paper, on one page.")
+app.command(
+    "dsfab.app.reproduce:reproduce",
+    name="reproduce",
+    help="Make the figures of the paper by Madan et al., on one page.",
+)
 app.command("dsfab.app.bench:bench", name="bench", help="Time each stage of presets (Table 2 of Madan et al.).")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command in `arguments` (default: sys.argv), print any error, and return the exit code."""
     words = sys.argv[1:] if arguments is None else list(arguments)
-    if arguments is None:  # fewer garbage collections, so that imports take a tenth less time
+    if arguments is None:  # fewer garbage collections make imports 10 % faster
         gc.set_threshold(100_000, *gc.get_threshold()[1:])
     try:
         with warnings.catch_warnings():
@@ -81,7 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except DsfabError as error:
         return _fail(ExitCode.REFUSED, str(error))
     except KeyboardInterrupt:
-        return _fail(ExitCode.INTERRUPTED, "stopped; no file is half written")
+        return _fail(ExitCode.INTERRUPTED, "dsfab was stopped; no file is half written")
     except BrokenPipeError:  # a reader such as `dsfab presets | head` closes the pipe
         sys.stderr.close()
         return ExitCode.DONE
@@ -115,8 +119,8 @@ def _details(words: Sequence[str], error: BaseException) -> str:
         with os.fdopen(number, "w", encoding="utf-8", errors="replace") as file:
             file.write(text)
     except OSError:
-        return f" ({type(error).__name__}; the details could not be written)"
-    return f"; please report it with the details in {Path(name)}"
+        return f" ({type(error).__name__}; the file with the details could not be written)"
+    return f"; please report the mistake, with the details in {Path(name)}"
 
 
 def _fail(code: int, text: str) -> int:

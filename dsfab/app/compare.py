@@ -1,4 +1,4 @@
-"""The command `dsfab compare`: a design beside competitors of the same mass."""
+"""The command `dsfab compare`, which compares a design with structures of the same mass."""
 
 import csv
 import json
@@ -40,8 +40,8 @@ HEAD = (
 
 
 def comparison_text(share: float | None, result: "Comparison") -> str:
-    """Return a table of the compared structures as text.
-    share : share of material (0 to 1), as a headline; None for no headline."""
+    """Return a table of the compared structures, with notes, as text.
+    share : fraction of the surface that is material (0 to 1), for a headline; None omits the headline."""
     losing_words = losing_line(result.alternatives)
     lines = [sentence(losing_words)] if losing_words else []
     lines += [] if share is None else [f"{share:.0%} of the material"]
@@ -53,7 +53,7 @@ def comparison_text(share: float | None, result: "Comparison") -> str:
             lines.append(_spread_line(entry, result))
     theories = {entry.name: entry.judgement.theory for entry in result.competitors if entry.judgement}
     if softer := [f"{name} by up to {percent(theory)}" for name, theory in theories.items() if theory]:
-        lines.append(f"thin-shell theory: solids are softer than thin sheets ({', '.join(softer)})")
+        lines.append(f"dsfab uses thin-shell theory: solids are softer than thin sheets ({', '.join(softer)})")
     lines += [line for entry in result.competitors for line in _mode_lines(entry)]
     for entry in result.rivals:
         gain = result.gain(entry.name)
@@ -110,7 +110,10 @@ def _spread_line(competitor: "Competitor", result: "Comparison") -> str:
     assert spread is not None
     best, worst, mean = (f"{value / full:.3g}" for value in (spread.best, spread.worst, spread.mean))
     words = f"{competitor.name}: {spread.carried} of {spread.tried} variants carry the loads"
-    return f"{words}; their compliance is {best} to {worst} times that of the full sheet, {mean} times on average"
+    return (
+        f"{words}; the compliance of these variants is {best} to {worst} times that of the full sheet, {mean} times "
+        f"on average"
+    )
 
 
 ComparisonAtShare = tuple[float | None, "Comparison"]  # Share of material, None for the design's own share.
@@ -126,7 +129,11 @@ class Questions:
         Parameter(help="Competitors (list): isotropic, rotated, thinner, von_mises, grid, simp [isotropic,thinner]."),
     ] = None
     volumes: Annotated[
-        str | None, Parameter(help="Also compare designs with shares of material LOW:HIGH:COUNT, such as 0.2:0.8:7.")
+        str | None,
+        Parameter(
+            help="Also compare designs that keep other shares of the surface as material: "
+            "LOW:HIGH:COUNT, such as 0.2:0.8:7."
+        ),
     ] = None
     level: Annotated[
         Literal["quick", "full"] | None,
@@ -136,13 +143,17 @@ class Questions:
             "the default for competitors with openings is quick."
         ),
     ] = None
-    buckling: Annotated[bool, Switch(help="Also compute the lowest buckling factor of each structure.")] = False
-    frequency: Annotated[bool, Switch(help="Also compute the lowest frequency of each structure.")] = False
-    memory: Annotated[float, Parameter(help="GB that the solver may take for a full check.")] = 4.0
+    buckling: Annotated[bool, Switch(help="Also compute the lowest buckling factor of each compared structure.")] = (
+        False
+    )
+    frequency: Annotated[bool, Switch(help="Also compute the lowest natural frequency of each compared structure.")] = (
+        False
+    )
+    memory: Annotated[float, Parameter(help="Memory in GB that the solver may use for a full check.")] = 4.0
 
     @property
     def competitor_names(self) -> tuple[str, ...]:
-        """Names of the competitors. Raises DsfabError for an unknown name."""
+        """Names of the structures to compare with the design. Raises DsfabError for an unknown name."""
         from dsfab.study.baselines import DEFAULT, baselines_by_name
 
         words = () if self.against is None else tuple(self.against.split(","))
@@ -152,7 +163,7 @@ class Questions:
 
     @property
     def area_shares(self) -> list[float]:
-        """Shares of material (0 to 1). Raises DsfabError if `volumes` is not LOW:HIGH:COUNT."""
+        """Fractions of material (0 to 1) to compare. Raises DsfabError if `volumes` is not LOW:HIGH:COUNT."""
         if self.volumes is None:
             return []
         try:
@@ -256,8 +267,8 @@ def _comparisons(
     except DsfabError as error:
         if not shares:
             raise
-        reporter.print_line(f"compare     the design's own share of material cannot be compared: {error}")
-    # `whole` solves uncut sheets on several meshes: on a coarse mesh alone, they would be a quarter too soft
+        reporter.print_line(f"compare     dsfab cannot compare the design with its own share of material: {error}")
+    # `whole` uses several meshes, because a single coarse mesh makes uncut sheets 25 % too soft
     judge = store.keeping(checks.judge(questions.level or "whole"), every=False)
     for share in shares:
 
@@ -308,7 +319,7 @@ def _print_results(comparisons: list[ComparisonAtShare], findings: "Findings | N
 FILES = ("summary.html", "summary.csv")
 
 SummaryRow = dict[str, Any]
-"""Row of the summary: `name`, `folder` and `error`. Without an error also results of the design, None if unknown:
+"""Row of the summary: `name`, `folder` and `error`. A row without an error also has results, None if unknown:
 `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full`, `seconds`.
 `NAME_ratio` is the compliance of a competitor, divided by the design's."""
 
@@ -347,7 +358,9 @@ class Batch:
             loaded = self.task.source.read_preset(preset)
             folder = self.output / loaded.name if self.output else Path("outputs") / loaded.name / "compliance"
             if folder in taken:
-                raise DsfabError(f"two presets have the name {loaded.name}; change `name` in one of the files")
+                raise DsfabError(
+                    f"two presets have the name {loaded.name}; change the key `name` in one of the preset files"
+                )
             name = loaded.name
             if not (resume and _is_current(folder, loaded, command, self.task.report)):
                 compare_one(loaded, self.task, folder, preset, quiet=True, as_json=False)
@@ -402,7 +415,9 @@ def compare(
     source: Source = UNCHANGED,
     questions: Questions = DEFAULT_QUESTIONS,
     results: Results = FULL_RESULTS,
-    json_: Annotated[bool, Switch(name="--json", help="Print results.json, no table.")] = False,
+    json_: Annotated[
+        bool, Switch(name="--json", help="Print the contents of results.json in place of the table.")
+    ] = False,
     quiet: Quiet = False,
 ) -> int:
     """Compare a design with others of the same mass: a thinner full sheet, stripes that ignore the stress, and more.
@@ -417,7 +432,7 @@ def compare(
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
     more
         Further presets."""
-    _ = questions.competitor_names, questions.area_shares  # a wrong option raises its error before the preset is read
+    _ = questions.competitor_names, questions.area_shares  # invalid options raise errors before the preset is read
     task = CompareTask(source, questions, results.report)
     if more or results.resume:
         return Batch(task, results.output).run((preset, *more), results.resume, quiet, json_)

@@ -39,7 +39,7 @@ UNCONFIRMED_VARIANTS = 200  # Largest number of variants without --yes.
 
 
 class Variants:
-    """Variants of a preset, with all combinations of `values`."""
+    """Variants of a preset: a variant for each combination of `values`, which are lists of values by key."""
 
     def __init__(
         self, preset: Preset, values: Values, base: list[str], view: str, show: str, pixels: tuple[int, int]
@@ -50,7 +50,7 @@ class Variants:
 
     def tiles(self, reporter: Reporter, yes: bool) -> list[ContactTile]:
         """Draw each variant; return the pictures in the order of the variants.
-        Raises DsfabError if no variant can be drawn, or for too many variants without `yes`."""
+        Raises DsfabError if no variant can be drawn, or if there are too many variants and `yes` is false."""
         total = count(self.values)
         if total > UNCONFIRMED_VARIANTS and not yes:
             self._refuse_many(total, reporter)
@@ -62,7 +62,7 @@ class Variants:
                 tile_by_index[index] = self._tile(index + 1, listed[index], previewers)
         if all(tile.png is None for tile in tile_by_index.values()):
             raise DsfabError(
-                f"none of the {total} variants can be drawn; the first fails because: {tile_by_index[0].error}"
+                f"none of the {total} variants can be drawn; the reason for the first variant: {tile_by_index[0].error}"
             )
         return [tile_by_index[index] for index in range(total)]
 
@@ -124,7 +124,8 @@ class FilmOptions:
     """Options of a film."""
 
     animate: Annotated[
-        Literal["gif", "webp"] | None, Parameter(help="Also make a film over the one key that is varied: gif or webp.")
+        Literal["gif", "webp"] | None,
+        Parameter(help="Also make a film of the variants, if only one key is varied: gif or webp."),
     ] = None
     fps: Annotated[float, Parameter(help="Frames per second of the film.")] = 8.0
 
@@ -135,7 +136,11 @@ def explore(
     *,
     vary: Annotated[
         tuple[str, ...],
-        Parameter(negative=(), help="KEY=LOW:HIGH:COUNT or KEY=ONE,TWO,... (repeatable, for all combinations)."),
+        Parameter(
+            negative=(),
+            help="Values of a key: KEY=LOW:HIGH:COUNT or KEY=ONE,TWO,... (repeatable; then dsfab "
+            "draws all combinations).",
+        ),
     ],
     source: Source = UNCHANGED,
     tile: TileOptions = TileOptions(),
@@ -143,7 +148,7 @@ def explore(
     yes: Annotated[bool, Switch(help="Draw more than 200 variants.")] = False,
     quiet: Quiet = False,
 ) -> int:
-    """Draw variants of a preset side by side, with the command that builds each; with --animate also as a film.
+    """Draw variants of a preset side by side, each with the command that builds it; --animate also makes a film.
 
     Parameters
     ----------

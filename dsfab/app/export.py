@@ -30,7 +30,7 @@ ELSEWHERE = {
     "png": "`dsfab build` and `dsfab preview` draw pictures",
     "dwg": "write dxf, which programs for DWG can read",
 }
-"""Formats that dsfab export does not write, with advice."""
+"""Formats that `dsfab export` does not write, each with a sentence on how to get a similar file."""
 GROUPS = {
     "solid and lines": "the solid",
     "lines": "lines and drawings",
@@ -40,7 +40,7 @@ GROUPS = {
     "member_forces": "forces of members",
     "utilisation": "forces of members",
 }
-"""Titles of groups of file formats, by the content of the files. Other contents are their own title."""
+"""Titles of groups of file formats, by the content of the files. For other contents, the content is the title."""
 
 TO_HELP = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
@@ -59,7 +59,7 @@ SheetName = Literal["uncut", "cut"]
 @dataclass(frozen=True)
 class ExportRequest:
     """A request to write a file.
-    suffix : suffix of the format.    sheet : sheet to write in place of the solid, or None."""
+    suffix : suffix of the file format.    sheet : the sheet to write, cut or uncut; None to write the solid."""
 
     suffix: str
     path: Path
@@ -71,11 +71,12 @@ def export(
     /,
     *,
     to: Annotated[str | None, Parameter(help=TO_HELP)] = None,
-    output: Annotated[Path | None, OutputName(help="The file to write [outputs/NAME/NAME.ext].")] = None,
+    output: Annotated[Path | None, OutputName(help="Name of the file to write [outputs/NAME/NAME.ext].")] = None,
     sheet: Annotated[
         SheetName | None,
         Parameter(
-            help="Write the uncut or the cut sheet in place of the solid; calculix takes the uncut sheet by default."
+            help="Write the uncut sheet or the cut sheet in place of the solid; the format calculix writes the uncut "
+            "sheet by default."
         ),
     ] = None,
     source: Source = UNCHANGED,
@@ -107,7 +108,7 @@ def export(
 
 def write_file(preset: "Preset", built: "Design | None", request: ExportRequest, progress: Progress) -> list[str]:
     """Write the requested file; return lines of text about the file. Raises DsfabError.
-    built : design to write, or None."""
+    built : existing design of the preset, or None."""
     if request.suffix == ".member_utilisation.csv":
         preset.statics.require_strength()
     if request.suffix == CALCULIX_SUFFIX:
@@ -116,7 +117,7 @@ def write_file(preset: "Preset", built: "Design | None", request: ExportRequest,
 
 
 def offered_formats() -> list[dict[str, str]]:
-    """Return a record for each file format: suffix, group, and why this machine cannot write the format, or ''."""
+    """Return a record for each file format: name, group, and what this machine lacks to write the format, or ''."""
     from dsfab.export.formats import FORMATS, MeshFormat
 
     offered = []
@@ -134,7 +135,7 @@ def offered_formats() -> list[dict[str, str]]:
 
 
 def preset_and_folder(name: str, source: Source) -> tuple["Preset", Path]:
-    """Return the preset of a name, file or built folder, and the folder for its files."""
+    """Return a preset, and the folder for its files. name : preset, preset file, mesh file or folder of a build."""
     if folder := built_folder(name):
         return source.read_preset(str(folder / "preset.toml")), folder
     loaded_preset = source.read_preset(name)
@@ -142,7 +143,7 @@ def preset_and_folder(name: str, source: Source) -> tuple["Preset", Path]:
 
 
 def built_design(name: str, preset: "Preset") -> "Design | None":
-    """Return the design in the built folder `name` if its preset equals `preset`; else None."""
+    """Return the design that `dsfab build` wrote into folder `name` if its preset equals `preset`; else None."""
     from dsfab.design.output.archive import read_archive
 
     folder = built_folder(name)
@@ -191,7 +192,7 @@ def _export_request(
         holds = ", ".join(key[1:] for key, form in meshes.items() if form.sheets)
         raise ExportError(f"a {suffix} file holds only solids; leave out --sheet, or write one of {holds}")
     if suffix not in meshes:
-        raise ExportError(f"--sheet does not apply to a {suffix} file; leave out --sheet")
+        raise ExportError(f"--sheet has no effect on a {suffix} file; leave out --sheet")
     return ExportRequest(suffix, path, sheet)
 
 
@@ -199,7 +200,9 @@ def _make_folder(path: Path) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ExportError(f"cannot make the folder {path.parent}: {error.strerror}; choose another with -o") from None
+        raise ExportError(
+            f"cannot make the folder {path.parent}: {error.strerror}; choose another folder with -o"
+        ) from None
 
 
 def _write_model(preset: "Preset", request: ExportRequest, reporter: Progress) -> list[str]:
@@ -222,11 +225,11 @@ def _model_lines(check_model: "CheckModel", request: ExportRequest) -> list[str]
     lines.append(f"{shells}, {len(model.nodes):,} nodes; metres, newtons, pascals")
     for name, answer in check_model.answers.items():
         lines.append(
-            f"{name}: dsfab finds a largest displacement of {length(answer.largest_displacement)} and an internal "
+            f"{name}: dsfab computes a largest displacement of {length(answer.largest_displacement)} and a strain "
             f"energy of {answer.compliance / 2:.4g} J (half of the compliance)"
         )
     change_folder = "" if request.path.parent == Path() else f"cd {request.path.parent} && "
-    lines.append(f"compare: {change_folder}ccx {request.path.stem}, then read {request.path.stem}.dat")
+    lines.append(f"to compare, run {change_folder}ccx {request.path.stem}, then read {request.path.stem}.dat")
     return lines
 
 

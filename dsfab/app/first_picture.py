@@ -16,14 +16,14 @@ PROGRAM = (
     "import gc, sys; gc.disable(); sys.path.append(sys.argv[1]); from dsfab.render.sketch_program import main; "
     "main('sketches' in sys.argv)"
 )
-"""Program of the drawing process. Without garbage collection its imports take a tenth less time."""
+"""Python code of the drawing process. It stops garbage collection, which shortens the imports by a tenth."""
 
 SKETCH_SECONDS = 60.0  # Longest time to wait for the drawing process to finish its sketch.
 
 
 class FirstPicture:
     """The drawing process; use as `with FirstPicture(on_sketch) as first`.
-    on_sketch : function that is called, in another thread, when the sketch is drawn; None for no sketch."""
+    on_sketch : function to call, in another thread, after a sketch was drawn. With None, no sketch is drawn."""
 
     def __init__(self, on_sketch: Callable[[], None] | None) -> None:
         self._told = on_sketch
@@ -54,7 +54,7 @@ class FirstPicture:
 
     @contextmanager
     def restore_on_error(self) -> Iterator[None]:
-        """Run the `with` block; after an error restore the earlier picture."""
+        """Run the `with` block; after an error, replace the sketch by the earlier file, or delete the sketch."""
         try:
             yield
         except BaseException:
@@ -64,7 +64,7 @@ class FirstPicture:
             raise
 
     def draw(self, sketch: "Design", path: Path, pixels: tuple[int, int], options: dict[str, Any]) -> None:
-        """Start to draw a sketch (a design with an approximate pattern) into the file `path`. Later calls do nothing.
+        """Start to draw a sketch (a design with an approximate pattern) into the file `path`. Further calls do nothing.
         pixels : width and height.    options : as for `Previewer`."""
         if self._sketched:
             return
@@ -78,7 +78,7 @@ class FirstPicture:
         self._start_request(pickle.dumps((sketch, path, pixels, options), protocol=5), self._told)
 
     def finish(self) -> str | None:
-        """Wait for the sketch; return the kind of the window, or None if the process cannot draw."""
+        """Wait for the sketch; return the kind of graphics window, or None if the process cannot draw."""
         if not self._talking:
             self._start_request(None, None)
         self._wait(SKETCH_SECONDS)

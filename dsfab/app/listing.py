@@ -60,15 +60,15 @@ def inspect(
         Path | None, Parameter(name=["-o", "--output"], help="PNG file that marks the smallest member, gap and wall.")
     ] = None,
     report: Annotated[
-        bool, Parameter(negative=(), help="Exit with 0 also for a mesh that `dsfab build` refuses.")
+        bool, Parameter(negative=(), help="Return the exit code 0 even for a mesh that `dsfab build` refuses.")
     ] = False,
 ) -> int:
     """Describe a mesh file: size, pieces, boundary, likely unit, and whether it is manifold or why not.
 
     The command also lists what dsfab reads, repairs and drops. The exit code is 1 if `dsfab build` refuses the mesh.
 
-    For a preset or a built folder it lists supports and loads, dead ends of the pattern, and members, gaps and walls
-    against the limits of [fabrication].
+    For a preset or a built folder, the command lists supports, loads and dead ends of the pattern. It also compares
+    members, gaps and walls with the limits of [fabrication].
 
     Parameters
     ----------
@@ -77,11 +77,13 @@ def inspect(
         of results."""
     from dsfab.core.toml_files import shipped_presets
 
-    path, is_shipped = Path(file), file in shipped_presets()  # `dome` is the preset, `./dome` a folder
+    path, is_shipped = Path(file), file in shipped_presets()  # `dome` names a preset, `./dome` names a folder
     if not (is_shipped or path.is_dir() or path.suffix == ".toml"):
         if output is not None or source.set_ or source.mesh is not None:
             flag = f"-o {output}" if output is not None else "--set" if source.set_ else "--mesh"
-            raise PresetError(f"{flag} works with a preset or a folder of results, not with a mesh file; leave it out")
+            raise PresetError(
+                f"{flag} works with a preset or a folder of results, not with a mesh file; leave this option out"
+            )
         return ExitCode.DONE if _show_mesh(path, source) or report else ExitCode.REFUSED
     built = _built_facts(path) if path.is_dir() and not is_shipped else None
     if built is None or output is not None or source != UNCHANGED:
@@ -101,7 +103,9 @@ def _built_facts(folder: Path) -> dict[str, Any]:
             **{k: facts[k] for k in ("pattern", "supports", "loads", "carrying") if k in facts},
         }
     except (OSError, ValueError, KeyError, TypeError):
-        raise PresetError(f"{folder} has no design.json with measures of fabrication; build the design again") from None
+        raise PresetError(
+            f"the folder {folder} has no design.json with widths of members, gaps and walls; build the design again"
+        ) from None
 
 
 def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
@@ -137,7 +141,7 @@ def _show_mesh(path: Path, source: Source) -> bool:
 
 
 def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str, str | None]:
-    """Return (True if `dsfab build` takes a mesh, text, unit)."""
+    """Return True if `dsfab build` accepts a mesh, a text on this decision, and the unit of the mesh or None."""
     from dsfab.core.arrays import polygon_perimeter
     from dsfab.preset.proposal import propose
     from dsfab.surface import unit_guess
@@ -184,13 +188,16 @@ def _fact_rows(facts: "MeshFacts") -> list[tuple[str, str]]:
             f"{facts.vertices:,} vertices, {count_phrase(facts.faces, 'triangle')}, edges of "
             f"{length(facts.mean_edge)} on average",
         ),
-        ("polygons", f"{facts.polygons:,} in the file, read as triangles" if facts.polygons < facts.faces else ""),
+        (
+            "polygons",
+            f"the file has {facts.polygons:,}, which dsfab reads as triangles" if facts.polygons < facts.faces else "",
+        ),
         ("area", f"{facts.area:.4g} m2"),
         ("volume", "" if facts.volume is None else f"{facts.volume:.4g} m3"),
         ("pieces", f"{facts.pieces:,}"),
         ("boundary", _loops(facts.boundary_lengths).replace("boundary loop", "loop")),
         ("genus", "" if facts.genus is None else str(facts.genus)),
-        ("sharpest", f"{facts.smallest_angle:.1f} degrees is the smallest angle of a triangle"),
+        ("sharpest", f"the smallest angle of a triangle is {facts.smallest_angle:.1f} degrees"),
         ("manifold", "yes, and oriented" if facts.manifold else "no"),
         *(("because", fault) for fault in facts.faults),
         *(("read", text) for text in facts.record.read),

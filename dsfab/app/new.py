@@ -33,7 +33,7 @@ def new(
     unit: Unit = None,
     up: Up = None,
     max_triangles: MaxTriangles = None,
-    material: Annotated[str | None, Parameter(help="Material; `dsfab materials` lists names.")] = None,
+    material: Annotated[str | None, Parameter(help="Name of the material; `dsfab materials` lists all names.")] = None,
     flags: MeshFlags = NO_MESH_FLAGS,
 ) -> int:
     """Write a preset for a surface of your own, with sensible values and a line for each decision.
@@ -57,7 +57,7 @@ def new(
     with atomic_file(target) as path:
         path.write_text(text, encoding="utf-8")
     print_lines((*proposal.questions, *proposal.lines))
-    print_result(f"written to {target}; build it: dsfab build {shlex.quote(str(target))}")
+    print_result(f"the preset was written to {target}; build the design with: dsfab build {shlex.quote(str(target))}")
     return 0
 
 

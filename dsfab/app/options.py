@@ -20,10 +20,12 @@ if TYPE_CHECKING:
     from dsfab.preset.proposal import MeshWishes, Proposal
 
 
-Switch = partial(Parameter, negative=())  # Parameter of an option without a form --no-NAME.
+Switch = partial(Parameter, negative=())  # Marks a flag that has no opposite flag --no-NAME.
 OutputName = partial(Parameter, name=["-o", "--output"])  # Parameter for a file or a folder of results.
 SMALLEST, LARGEST = 64, 8000  # Limits on the sides of a picture, pixels.
-Set = Annotated[tuple[str, ...], Parameter(name="--set", negative=(), help="Override a value: KEY=VALUE (repeatable).")]
+Set = Annotated[
+    tuple[str, ...], Parameter(name="--set", negative=(), help="Replace a value of the preset: KEY=VALUE (repeatable).")
+]
 Mesh = Annotated[Path | None, Parameter(name="--mesh", help="Mesh file that takes the place of the preset's surface.")]
 Quiet = Annotated[bool, Switch(name=["--quiet", "-q"], help="Print errors only.")]
 Unit = Annotated[str | None, Parameter(name="--unit", help="Unit of the mesh file: mm, cm, m, in, ft.")]
@@ -34,11 +36,12 @@ MaxTriangles = Annotated[
     int | None, Parameter(name="--max-triangles", help="Largest number of triangles of the mesh file [4 million].")
 ]
 
-View = Annotated[str, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")]
+View = Annotated[str, Parameter(help="Direction of view: iso, top, front, side, or azimuth,elevation in degrees.")]
 Show = Annotated[
     str,
     Parameter(
-        help="structure, families, stress, major, minor; of the uncut sheet: loads, directions, major_mode, "
+        help="What to draw: structure, families, stress, major, minor; of the uncut sheet: loads, directions, "
+        "major_mode, "
         "minor_mode, vonmises, utilisation, energy, displacement, buckling, frequency; fabrication (preview only): the "
         "finished solid with marks at its smallest member, gap, wall and edge; members (preview only): the finished "
         "sheet with the names of its members."
@@ -54,7 +57,8 @@ def picture_size(text: str) -> tuple[int, int]:
         if all(SMALLEST <= side <= LARGEST for side in (width, height)):
             return width, height
     raise DsfabError(
-        f"--size {text!r} is not WIDTHxHEIGHT, sides of {SMALLEST} to {LARGEST} pixels; write for instance 1600x1200"
+        f"--size {text!r} is not WIDTHxHEIGHT with sides of {SMALLEST} to {LARGEST} pixels; write for instance "
+        f"1600x1200"
     )
 
 
@@ -115,13 +119,13 @@ class MeshFlags:
 
     @property
     def wishes(self) -> "MeshWishes":
-        """The user's choice of parts, supports and loads of a mesh."""
+        """The user's choices for the parts, supports and loads of a mesh."""
         from dsfab.preset.proposal import MeshWishes
 
         return MeshWishes(self.stand or "", self.built_in, self.load, self.only)
 
 
-NO_MESH_FLAGS = MeshFlags()  # dsfab chooses supports and loads.
+NO_MESH_FLAGS = MeshFlags()  # No option is set, so dsfab chooses supports and loads.
 
 
 @Parameter(name="*")
@@ -138,9 +142,9 @@ class Source(MeshFlags):
     def read_preset(
         self, name: str, proposal: "Proposal | None" = None, thickness: Literal["sized", "guessed", "open"] = "sized"
     ) -> "Preset":
-        """Return the preset of a name or file, changed by these options.
-        proposal  : proposed preset, if the caller has it.
-        thickness : for thickness `auto`: "sized" computes a thickness, "guessed" guesses it, "open" keeps `auto`.
+        """Return the preset of a name or file, with the changes of these options.
+        proposal  : proposed preset for a mesh, if known.
+        thickness : what replaces the thickness `auto`: "sized" a computed value, "guessed" a guess, "open" nothing.
         Raises PresetError for an unknown or invalid preset."""
         from dsfab.preset.file import load_preset, require_mesh, with_overrides
 
@@ -172,7 +176,7 @@ class Source(MeshFlags):
             self._require_no_wishes(name)
             return None
         if mesh_file is name and self.mesh is not None:
-            raise PresetError(f"{name} and --mesh {self.mesh} are two meshes; give one of them")
+            raise PresetError(f"{name} and --mesh {self.mesh} name two meshes; leave one of the meshes out")
         material = self.overrides().get("statics.material")
         material = material if isinstance(material, str) else None
         return propose(Path(mesh_file), self.unit, self.up, material, self.max_triangles, wishes=self.wishes)
@@ -180,7 +184,8 @@ class Source(MeshFlags):
     def _require_no_wishes(self, name: str) -> None:
         if self.stand or self.built_in or self.load:
             raise PresetError(
-                f"{name} is a preset, which states supports and loads; --stand, --built-in and --load are for a mesh"
+                f"{name} is a preset, which states supports and loads; --stand, --built-in and --load need a mesh "
+                f"file instead"
             )
 
     def overrides(self) -> dict[str, Any]:
@@ -195,11 +200,11 @@ class Source(MeshFlags):
         return dict(parse_override(text) for text in self.set_)
 
     def with_overrides(self, *texts: str) -> "Source":
-        """Return a copy with further changes, texts of the form KEY=VALUE."""
+        """Return a copy with further changes. texts : changes of the form KEY=VALUE."""
         return replace(self, set_=(*self.set_, *texts))
 
     def command_words(self, name: str) -> list[str]:
-        """Return the words of a command line: the preset `name` and these options."""
+        """Return arguments of a command line: the preset `name` and these options."""
         words = [name, *(word for text in self.set_ for word in ("--set", text))]
         words += ["--mesh", str(self.mesh)] if self.mesh is not None else []
         words += ["--unit", self.unit] if self.unit is not None else []
@@ -244,10 +249,10 @@ class StepFlags:
         None
     )
     max_mb: Annotated[
-        float | None, Parameter(help="Largest size of a STEP file in MB; 0 is no limit [export.step_mb].")
+        float | None, Parameter(help="Largest size of a STEP file in MB; 0: no limit [export.step_mb].")
     ] = None
     estimate: Annotated[
-        bool, Switch(name="--estimate", help="Print the cost of each way to write STEP; write no file.")
+        bool, Switch(name="--estimate", help="Print size and time of each method for STEP, and write no file.")
     ] = False
 
     def overrides(self) -> tuple[str, ...]:
@@ -260,7 +265,7 @@ NO_FLAGS = StepFlags()  # No option is set, so the preset's own STEP options app
 
 
 def estimate_step(preset: "Preset", reporter: Reporter, built: "Design | None" = None) -> int:
-    """Print the faces, size, times and memory that dsfab expects for a STEP file; return the exit code 0.
+    """Print the expected number of faces, size, times and memory of a STEP file; return the exit code 0.
     built : design to estimate; None to compute the design of `preset`."""
     from dsfab.design import run
 
@@ -273,7 +278,7 @@ def estimate_step(preset: "Preset", reporter: Reporter, built: "Design | None" =
 
 
 def estimate_lines(design: "Design") -> Iterator[str]:
-    """Yield a table of the methods to write a design as STEP, then lines with notes and reasons of refusals."""
+    """Yield a table of the methods to write a design as STEP, then notes, and reasons why a method is impossible."""
     from dsfab.design.output.files import deliverable
     from dsfab.export import step_estimates
 
@@ -286,7 +291,7 @@ def estimate_lines(design: "Design") -> Iterator[str]:
         if estimate.refused or estimate.note:
             yield f"  {estimate.way}: {estimate.refused or estimate.note}"
     if not any(estimate.chosen for estimate in estimates):
-        yield "no STEP file would be written; raise --max-faces or --max-mb, or write stl or 3mf"
+        yield "no kind of STEP file is within the limits; raise --max-faces or --max-mb, or write stl or 3mf"
 
 
 def _estimate_row(estimate: "Estimate") -> tuple[str, ...]:

@@ -34,10 +34,10 @@ SHOW_WORDS = {
         *("major_mode", "minor_mode", "displacement"),
     ),
 }
-"""Words of --show that are not the name of a single picture, with the pictures that they show."""
+"""Words for `--show` that stand for other pictures, with the names of these pictures."""
 
 SHOWN_ON_REQUEST = {"utilisation": "strength", "buckling": "buckling", "frequency": "frequencies"}
-"""Pictures that `--show all` includes only if the preset sets a key of [statics]; this key by the picture's name."""
+"""Key of [statics] by name of a picture. `--show all` includes the picture only if the preset sets this key."""
 
 
 def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
@@ -59,7 +59,7 @@ def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class PreviewPage:
-    """A picture file. names : pictures, side by side.    pixels : width and height of each picture.
+    """A file of pictures side by side. names : what each picture shows.    pixels : width and height of each picture.
     options : options of `Previewer`, except `show`."""
 
     names: tuple[str, ...]
@@ -78,18 +78,22 @@ class PictureOptions:
     layers: Annotated[
         str | None,
         Parameter(
-            help="Comma list of loads, supports, reactions, person, tree, gradients (of modes); or all, none "
+            help="What to add to the picture, a comma list: loads, supports, reactions, person, tree, gradients (of "
+            "modes); or all, none "
             "[loads,supports,person]."
         ),
     ] = None
     ground: Annotated[str, Parameter(help="paper, white or transparent.")] = "paper"
     output: Annotated[Path | None, OutputName(help="PNG file [NAME.png; in the folder of a built design].")] = None
     size_: Annotated[
-        str | None, Parameter(name="--size", help="WIDTHxHEIGHT in pixels [1600x1200; 800x600 for several pictures].")
+        str | None,
+        Parameter(
+            name="--size", help="Size of the picture: WIDTHxHEIGHT in pixels [1600x1200; 800x600 for several pictures]."
+        ),
     ] = None
 
     def page(self, preset: "Preset", folder: Path = Path()) -> PreviewPage:
-        """Return the picture file that these options request. Raises DsfabError for a wrong option.
+        """Return the description of the requested picture file. Raises DsfabError for an invalid option.
         folder : folder of the file by default."""
         from dsfab.render.drawing import check_ground
 
@@ -109,10 +113,10 @@ def preview(
     *,
     source: Source = UNCHANGED,
     picture: PictureOptions = PictureOptions(),
-    watch: Annotated[bool, Switch(help="Draw again when the preset file is saved, until Ctrl-C.")] = False,
+    watch: Annotated[bool, Switch(help="Draw again each time the preset file is saved; Ctrl-C stops.")] = False,
     quiet: Quiet = False,
 ) -> int:
-    """Draw a preset in seconds: evenly spaced stripes as built, other patterns and all fields on the uncut sheet.
+    """Draw a preset in seconds: evenly spaced stripes as a cut sheet, all other patterns and fields on the uncut sheet.
 
     Parameters
     ----------
@@ -147,7 +151,7 @@ def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[Fir
         probe_ahead()
         yield None
         return
-    on_sketch = lambda: reporter.print_line("preview     a first picture is ready; exact widths follow")  # noqa: E731
+    on_sketch = lambda: reporter.print_line("preview     a first picture is ready; the exact widths of members follow")  # noqa: E731
     with FirstPicture(on_sketch if sketched else None) as first_picture:
         yield first_picture
 
@@ -251,7 +255,10 @@ def _draw_structure(
     try:
         design = design.until("thickening")
     except DsfabError as error:
-        reporter.print_line(f"note (preview): the picture shows the uncut pattern, because cutting failed: {error}")
+        reporter.print_line(
+            f"note (preview): the picture shows the uncut sheet with its pattern, because dsfab "
+            f"could not cut the sheet: {error}"
+        )
         return False
     reporter("preview", f"drawing {page.path.name}")
     structure_picture = structure_drawing(design, size=page.pixels, **page.options)

@@ -47,12 +47,12 @@ def report(
 
 
 def write_members(design: "Design", command: str, folder: Path, progress: "Progress") -> tuple[list[str], list[str]]:
-    """Write the report on the members and its tables into `folder`. command : command line for the report.
-    Return the names of the files, and a summary in lines."""
+    """Write the report on the members, with tables, into `folder`. command : command line that the report shows.
+    Return the names of the files, and the lines of a summary."""
     from dsfab.export import atomic_folder
     from dsfab.report.members import write_member_report
 
-    progress("members", "summing up forces and checking each bay")
+    progress("members", "summing up forces of members and checking each bay between two nodes")
     lines = [design.member_utilisation.standard, design.member_utilisation.summary]
     with atomic_folder(folder) as build_folder:
         progress("report", "drawing and writing report.html and report.pdf")

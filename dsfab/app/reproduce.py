@@ -29,21 +29,24 @@ COARSEST = 8.0  # Limit of --coarser: a coarser mesh has too few vertices for th
 def reproduce(
     *names: str,
     coarser: Annotated[
-        float, Parameter(help="Make edges this many times as long as in the presets, for a quick rough look.")
+        float, Parameter(help="Make edges this many times as long as in the presets, to make rough figures quickly.")
     ] = 1.0,
     volumes: Annotated[
-        bool, Switch(help="Also compare designs of the sphere at three volumes (a quarter of an hour, 9 GB).")
+        bool,
+        Switch(
+            help="Also compare designs of the sphere at three volumes (takes a quarter of an hour and 9 GB of memory)."
+        ),
     ] = False,
     small: Annotated[
         bool, Switch(help="Also write small.html: the page in one file, with pictures of half the size.")
     ] = False,
     output: Annotated[Path, OutputName(help="Folder of the page.")] = FOLDER,
     workers: Annotated[
-        int | None, Parameter(help="Number of processes that make figures [cores, as memory allows].")
+        int | None, Parameter(help="Number of processes that make figures [all cores, if memory suffices].")
     ] = None,
     quiet: Quiet = False,
 ) -> int:
-    """Make the paper's figures, and a page with pictures, parameters and times of their steps.
+    """Make the paper's figures, and a page with pictures, parameters and computing times.
 
     The exit code is 4 if a figure could not be made; the page then shows the reason.
 
@@ -150,7 +153,11 @@ def _system_load() -> float:
 
 def _load_words(loads: list[float]) -> str:
     least, greatest = min(loads), max(loads)
-    return "" if math.isnan(least) else f"{least:.1f} to {greatest:.1f} programs competed for the processor meanwhile"
+    return (
+        ""
+        if math.isnan(least)
+        else f"during the run, {least:.1f} to {greatest:.1f} programs competed for the processor"
+    )
 
 
 def _summary(figures: "list[FigurePictures]", folder: Path, small: bool) -> None:

@@ -19,9 +19,9 @@ def size(
 ) -> int:
     """Choose the thinnest sheet of the stock with which the cut structure meets the targets of [sizing].
 
-    The cut sheet is solved at two thicknesses, which give the results at all others. The chosen thickness is then cut
-    and solved again. If no thickness suffices, dsfab tries a larger share of material, then a smaller spacing of
-    members. The exit code is 5 if nothing suffices.
+    dsfab solves the cut sheet at two thicknesses, which give the results at all thicknesses. Then dsfab cuts and solves
+    the design with the chosen thickness. If no thickness suffices, dsfab tries a larger fraction of material, then a
+    smaller spacing of members. The exit code is 5 if nothing suffices.
 
     Parameters
     ----------
@@ -44,5 +44,7 @@ def size(
     if output:
         with atomic_file(output) as path:
             path.write_text(preset_toml(design.preset), encoding="utf-8")
-        print_result(f"written to {output}; build it: dsfab build {shlex.quote(str(output))}")
+        print_result(
+            f"the preset was written to {output}; build the design with: dsfab build {shlex.quote(str(output))}"
+        )
     return ExitCode.DONE if result.fits else ExitCode.DOES_NOT_CARRY

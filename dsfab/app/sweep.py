@@ -26,26 +26,38 @@ if TYPE_CHECKING:
 class PlanOptions:
     """Options of a sweep."""
 
-    sample: Annotated[str | None, Parameter(help="grid, sobol:N, lhs:N or csv:FILE [grid].")] = None
+    sample: Annotated[
+        str | None, Parameter(help="How to choose the points: grid, sobol:N, lhs:N or csv:FILE [grid].")
+    ] = None
     seed: Annotated[int | None, Parameter(help="Seed of the sampling [0].")] = None
     metric: Annotated[tuple[str, ...], Parameter(negative=(), help="Metrics to measure (comma list, repeatable).")] = ()
     constraint: Annotated[
         tuple[str, ...],
-        Parameter(name=["--constraint", "--subject-to"], negative=(), help="Condition for good runs: 'pieces == 1'."),
+        Parameter(
+            name=["--constraint", "--subject-to"],
+            negative=(),
+            help="Condition that good runs meet, such as 'pieces == 1'.",
+        ),
     ] = ()
-    optimise: Annotated[str | None, Parameter(help="Search for the best of this metric instead of sampling.")] = None
+    optimise: Annotated[
+        str | None, Parameter(help="Search for the best value of this metric, instead of sampling.")
+    ] = None
     evaluations: Annotated[int | None, Parameter(help="Runs of a search [200].")] = None
     keep: Annotated[
         tuple[str, ...],
         Parameter(negative=(), help="Files of each run to keep: picture, preset, sheet, solid or nothing [picture]."),
     ] = ()
-    export: Annotated[str | None, Parameter(help="Keep solids, in these formats: stl,3mf,step,obj,ply,glb.")] = None
+    export: Annotated[
+        str | None, Parameter(help="Keep the solids of all runs, in some of these formats: stl,3mf,step,obj,ply,glb.")
+    ] = None
     size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT of the pictures [480x360].")] = None
-    view: Annotated[str | None, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")] = None
+    view: Annotated[
+        str | None, Parameter(help="Direction of view: iso, top, front, side, or azimuth,elevation in degrees.")
+    ] = None
 
     def tables(self, file_tables: Mapping[str, Any]) -> dict[str, Any]:
-        """Return these options as keys of a sweep file; None or an empty list for unset options.
-        file_tables : keys of the user's sweep file."""
+        """Return these options as keys of a sweep file. An unset option has the value None or an empty list.
+        file_tables : contents of the user's sweep file."""
         from dsfab.app.sweep_options import listed_words
 
         keep_words = listed_words(self.keep)
@@ -72,8 +84,10 @@ class PlanOptions:
 class Work:
     """Options of a sweep: folder, processes, and runs to repeat."""
 
-    output: Annotated[Path | None, OutputName(help="The sweep's folder [outputs/NAME-sweep].")] = None
-    workers: Annotated[int | None, Parameter(help="Number of processes [all cores, if memory suffices].")] = None
+    output: Annotated[Path | None, OutputName(help="Folder of the sweep [outputs/NAME-sweep].")] = None
+    workers: Annotated[
+        int | None, Parameter(help="Number of processes that make designs [all cores, if memory suffices].")
+    ] = None
     scheduler: Annotated[str | None, Parameter(help="Address of a Dask scheduler, tcp://HOST:8786.")] = None
     extend: Annotated[bool, Switch(help="Add new runs to an existing sweep.")] = False
     retry: Annotated[
@@ -83,12 +97,12 @@ class Work:
 
     @property
     def retried_states(self) -> "tuple[State, ...]":
-        """States of the earlier runs to repeat."""
+        """States, such as "failed", of the earlier runs to repeat."""
         return ("killed", "failed") if self.retry == "all" else (self.retry,)
 
     def folder(self, what: str, varied: bool) -> Path | None:
-        """Return the folder of the sweep, or None.
-        Raises DsfabError if `what` and --output are different folders."""
+        """Return the folder of the sweep; None for the default folder.
+        Raises DsfabError if `what` is the folder of a sweep and differs from --output."""
         if _is_sweep_folder(what, varied):
             if self.output is not None and self.output.resolve() != Path(what).resolve():
                 raise DsfabError(f"{what} is a sweep's folder, and the sweep continues in it; leave out -o")
@@ -112,7 +126,10 @@ def sweep(
     *,
     vary: Annotated[
         tuple[str, ...],
-        Parameter(negative=(), help="KEY=LOW:HIGH:COUNT[:log], KEY=ONE,TWO,... or, to sample, KEY=LOW:HIGH[:log]."),
+        Parameter(
+            negative=(),
+            help="Values of a key: KEY=LOW:HIGH:COUNT[:log], KEY=ONE,TWO,... or, with --sample, KEY=LOW:HIGH[:log].",
+        ),
     ] = (),
     source: Source = UNCHANGED,
     plan: PlanOptions = PlanOptions(),
@@ -160,7 +177,7 @@ def _plan_tables(what: str, varied: bool) -> tuple[dict[str, Any], str]:
         return read_plan(path), f"sweep {path.name}"
     if not varied:
         raise DsfabError(
-            f"{what} is neither a sweep file nor a sweep's folder; to sweep a preset, add the keys to vary: "
+            f"{what} is neither a sweep file nor the folder of a sweep; to sweep a preset, add the keys to vary: "
             f"dsfab sweep {what} --vary pattern.major.frequency=6:12:4"
         )
     return {"preset": what}, f"sweep of {what}"
@@ -202,7 +219,7 @@ def _run_sweep(values: dict[str, Any], title: str, folder: Path | None, work: Wo
         line.print_line(f"dsfab: stopped; finished runs are kept. To go on: `dsfab sweep {quoted}`. {missing}".rstrip())
         return ExitCode.INTERRUPTED
     if missing:
-        line.print_line(f"dsfab: {missing}; `dsfab sweep {quoted}` tries again")
+        line.print_line(f"dsfab: {missing}; `dsfab sweep {quoted}` tries these runs again")
     return ExitCode.UNFINISHED if missing else ExitCode.DONE
 
 

@@ -47,7 +47,7 @@ def _span_table(text: str, values: str) -> Tables:
     except (ValueError, IndexError):
         raise DsfabError(
             f"--vary {text!r} is not a range; write KEY=LOW:HIGH:COUNT such as 4:24:6, or KEY=LOW:HIGH with --sample; "
-            "end with :log for values at a constant ratio"
+            "add :log at the end for values that grow by a constant ratio"
         ) from None
     return {"from": start, "to": end, **count, **({"log": True} if log else {})}
 
@@ -56,21 +56,22 @@ def _linked_tables(text: str, keys: list[str], values: str) -> Tables:
     rows = [parse_variations([f"{key}={listed}"])[key] for key, listed in zip(keys, values.split(";"), strict=False)]
     if len(values.split(";")) != len(keys):
         raise DsfabError(
-            f"--vary {text!r} links {len(keys)} keys and needs as many lists; write for instance "
+            f"--vary {text!r} links {len(keys)} keys, so one list of values is needed for each key; write for instance "
             "pattern.major.mode,pattern.minor.mode=1,2;5,3"
         )
     return dict(zip(keys, rows, strict=True))
 
 
 def listed_words(texts: Sequence[str]) -> list[str]:
-    """Return all words in comma lists: ('a,b', 'c') gives a, b, c."""
+    """Return all words of texts that are separated by commas: ('a,b', 'c') gives a, b, c."""
     return [word.strip() for text in texts for word in text.split(",") if word.strip()]
 
 
 def with_options(
     values: Tables, source: Source = UNCHANGED, vary: Sequence[str] = (), plan_table: Tables | None = None
 ) -> Tables:
-    """Return the tables of a sweep file, changed by options of the command line. vary : texts of --vary."""
+    """Return the tables `values` of a sweep file, with changes by the options of the command line.
+    vary : texts of --vary.    plan_table : result of `PlanOptions.tables`."""
     result = dict(values)
     vary_table, linked = vary_tables(vary)
     if vary_table:

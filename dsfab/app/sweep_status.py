@@ -33,8 +33,8 @@ class SweepProgress:
         self._told = 0.0
 
     def add_run(self, number: int, metrics: Mapping[str, float]) -> None:
-        """Note a finished run.
-        metrics : values of the run by name."""
+        """Compare a finished run with the best run so far.
+        metrics : measured values of the run, by name."""
         value = metrics.get(self._metric, float("nan"))
         if not isfinite(value) or not all(limit.holds(metrics) for limit in self._limits):
             return
@@ -108,7 +108,9 @@ def _best_runs_table(sweep: SweepFolder, count: int, by: str | None) -> str:
     plan = sweep.plan
     metric = by or first_metric(plan)
     if metric not in plan.measured_metrics:
-        raise DsfabError(f"{sweep.path} has no values of {metric!r}; use one of {', '.join(plan.measured_metrics)}")
+        raise DsfabError(
+            f"{sweep.path} has no values of the metric {metric!r}; use one of {', '.join(plan.measured_metrics)}"
+        )
     if count < 1:
         raise DsfabError(f"--best {count} is less than 1; give 1 or more")
     best_rows = best_of(sweep.rows(), metric, plan.limits)[:count]

@@ -17,7 +17,7 @@ class ExitCode(IntEnum):
     """Exit codes of all commands."""
 
     DONE = 0
-    REFUSED = 1  # the input is refused, or a check of it fails
+    REFUSED = 1  # the input is refused, or a check fails
     WRONG_USAGE = 2
     UNFINISHED = 3  # runs of a sweep are missing; the same command tries them again
     NOT_MADE = 4  # a requested file or figure was not made
@@ -86,7 +86,7 @@ def print_lines(lines: Iterable[str]) -> None:
 
 @contextmanager
 def signals_as_interrupts() -> Iterator[None]:
-    """Treat SIGTERM and a closed terminal as Ctrl-C in the `with` block."""
+    """Treat SIGTERM and SIGHUP (closed terminal) like Ctrl-C in the `with` block."""
     numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
     if threading.current_thread() is not threading.main_thread():
         numbers = []

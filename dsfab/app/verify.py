@@ -47,14 +47,15 @@ def calibrate(folder: Path, as_json: bool) -> int:
 
 
 def summary_text(rows: "Sequence[TrialRow]") -> str:
-    """Return a sentence that sums up the trials."""
+    """Return a sentence that sums up trials of the error bounds."""
     from dsfab.study.verdict.calibration import summary
 
     result = summary(rows)
     return (
-        f"verdicts on {result.designs} random designs: the bound holds for {result.inside:.0%}, the median bound is "
-        f"{result.median_bound:.1%}, the largest error {result.largest_error:.1%}; {result.converged} converged; by "
-        f"one solve (quick), the median error is {result.quick_median:.1%}, and 90 % are under {result.quick_most:.1%}"
+        f"error bounds of {result.designs} random designs: the bound holds for {result.inside:.0%} designs, the "
+        f"median bound is {result.median_bound:.1%}, the largest error {result.largest_error:.1%}; {result.converged} "
+        f"designs converged; by one solve (quick), the median error is {result.quick_median:.1%}, and 90 % of the "
+        f"errors are under {result.quick_most:.1%}"
     )
 
 
@@ -84,7 +85,7 @@ TEST_HEAD = (
     *("test", "mesh", "elements", "cells", "unknowns", "value", "reference"),
     *("ratio", "of limit", "rate", "target", "verdict"),
 )
-"""Column names. `of limit`: the value divided by the limit for thin sheets; empty if `reference` is that limit."""
+"""Column names. `of limit` is the value divided by the thin-sheet limit; it is empty if `reference` is this limit."""
 
 PAGE = Path("outputs/verification")  # Default folder of the page.
 
@@ -92,15 +93,22 @@ PAGE = Path("outputs/verification")  # Default folder of the page.
 def verify(
     *tests: str,
     elements: Annotated[
-        tuple[str, ...], Parameter(name=["--elements", "-e"], negative=(), help="Pair like hybrid+hhj (repeatable).")
+        tuple[str, ...],
+        Parameter(
+            name=["--elements", "-e"], negative=(), help="Pair of elements to test, such as hybrid+hhj (repeatable)."
+        ),
     ] = (),
-    list_: Annotated[bool, Switch(name="--list", help="List tests and sources only.")] = False,
+    list_: Annotated[
+        bool, Switch(name="--list", help="Only list the tests and the sources of their reference values.")
+    ] = False,
     json_: Annotated[bool, Switch(name="--json", help="Print a JSON list instead of a table.")] = False,
-    page: Annotated[bool, Switch(help="Write a page of plots as well: index.html.")] = False,
+    page: Annotated[bool, Switch(help="Also write a page with plots: index.html.")] = False,
     calibration: Annotated[
         bool, Switch(help="Test the error bounds of `dsfab compare` again, on random designs (15 min).")
     ] = False,
-    out_: Annotated[Path, Parameter(name=["--out", "-o"], help="Folder for --page and --calibration.")] = PAGE,
+    out_: Annotated[
+        Path, Parameter(name=["--out", "-o"], help="Folder for the files of --page and --calibration.")
+    ] = PAGE,
 ) -> int:
     """Solve plates, beams, shells and vessels with published answers. Print the error of each kind of finite element.
 
@@ -159,7 +167,7 @@ def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list
     lines += [f"{test.name}, verdict theory: {test.beyond}" for test in tests if test.name in theory_tests]
     failed = {f"{row.test} ({row.mesh}): {row.elements} {row.verdict}": None for row in failures(rows)}
     lines += [f"dsfab misses a tolerance in {failure}" for failure in failed] or [
-        "dsfab misses no tolerance on a finest mesh"
+        "dsfab meets all tolerances on the finest mesh of each test"
     ]
     with_target = [row for row in rows if row.met is not None]
     if with_target:
@@ -167,7 +175,10 @@ def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list
     spread = {key: value for key, value in pattern_spread(rows).items() if key[1:] == (pair, 16)}
     if spread:
         widest = max(spread, key=lambda key: spread[key])
-        lines.append(f"results of different 16-cell meshes differ by up to {100 * spread[widest]:.2g} % ({widest[0]})")
+        lines.append(
+            f"results on different meshes of 16 cells per side differ by up to {100 * spread[widest]:.2g} % (test "
+            f"{widest[0]})"
+        )
     counts = Counter(standing.outcome for standing in standings(rows, {test.name: test for test in tests}))
     if counts:
         outcomes = ", ".join(f"{name} {counts[name]}" for name in ("better", "alike", "worse") if counts[name])

@@ -27,7 +27,7 @@ class WorkshopFlags:
 
     model: Annotated[
         str | None,
-        Parameter(help="Make a model in card at a scale such as 1:50; by default from sheets of A3, 1 mm thick."),
+        Parameter(help="Make a model in card at a scale such as 1:50; by default from A3 sheets of card, 1 mm thick."),
     ] = None
     stock: Annotated[
         str | None, Parameter(help="Sheets to cut from: A3, or length and width: 2.5x1.25m, 420x297mm.")
@@ -101,13 +101,13 @@ def _check_ifc(preset: "Preset") -> None:
     FORMATS[f".{MEMBERS}"].ready()
     if preset.workshop.model:
         raise PresetError(
-            "--ifc needs a structure of full size, but --model makes a card model; leave out --ifc or --model"
+            "--ifc needs a structure at full size, but --model makes a card model; leave out --ifc or --model"
         )
 
 
 def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
     """Return the bytes of an IFC file of the members as flat parts.
-    Raises PatternError for a flat design."""
+    Raises PatternError for a flat design, because its parts belong to no member."""
     from dsfab.design.output import body_details
     from dsfab.export import temporary_folder, write
     from dsfab.thickening import SHIFT
@@ -115,14 +115,15 @@ def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
 
     if plan.graph is None:
         raise PatternError(
-            "parts of a flat design belong to no member, because dsfab cuts it as one sheet; leave out --ifc, or write "
+            "parts of a flat design belong to no member, because dsfab cuts this design as one sheet; leave out "
+            "--ifc, or write "
             "the members with: dsfab export ... --to members.ifc"
         )
     details = body_details(design)
     details = replace(
         details,
         shapes=built_shapes(plan, details.shapes, SHIFT[design.preset.thickening.side]),
-        whole_members=True,  # members lie in layers, so nodes do not divide them
+        whole_members=True,  # members cross in different layers, so nodes do not divide members
         drawings=drawing_files(plan),
         measures={**details.measures, "thickness": plan.thickness},
     )
@@ -139,7 +140,9 @@ def _print_files(plan: "WorkshopPlan", folder: Path, documents: Mapping[str, byt
     print_result(f"{parts} of {shown}, {len(plan.equal_parts)} different; {sheets}, {plan.used_share:.0%} used")
     if plan.model:
         print_result(f"  {folder / 'sheet_1.dxf'} and .svg{', and so on: each sheet' if len(plan.sheets) > 1 else ''}")
-    print_result(f"  {folder / 'nest.dxf'}  {folder / 'cutlist.csv'}  and a .dxf and an .svg for each different part")
+    print_result(
+        f"  {folder / 'nest.dxf'}  {folder / 'cutlist.csv'}  and a .dxf file and an .svg file for each different part"
+    )
     listed = ("cutlist.xlsx", *(("bars.csv",) if plan.bars else ()), *documents)
     print_result("  ".join(["", *(str(folder / name) for name in listed)]))
 
@@ -157,7 +160,7 @@ PAPER_SIZES = {
 
 
 def options_source(source: Source, model: str | None, stock: str | None, thickness: str | None) -> Source:
-    """Return the source with changes for --model, --stock and --thickness. Raises PresetError for an invalid value."""
+    """Return `source`, changed by --model, --stock and --thickness. Raises PresetError for an invalid value."""
     texts = []
     if model is not None:
         set_values = source.set_values()

@@ -14,8 +14,8 @@ Bools = NDArray[np.bool_]
 
 
 def read_only_copy(values: ArrayLike, dtype: Any, shape: tuple[int | None, ...]) -> NDArray[Any]:
-    """Return a read-only copy (...) of `values`; `None` in `shape` stands for any length.
-    Raises ValueError for another shape."""
+    """Return a read-only copy of `values` with this type and shape. `None` in `shape` allows any length.
+    Raises ValueError if `values` has a different shape."""
     array = np.array(values, dtype=dtype, order="C")
     fits = array.ndim == len(shape) and all(s is None or s == a for s, a in zip(shape, array.shape, strict=False))
     if not fits:
@@ -25,12 +25,12 @@ def read_only_copy(values: ArrayLike, dtype: Any, shape: tuple[int | None, ...])
 
 
 def lock(owner: object, name: str, dtype: Any, shape: tuple[int | None, ...]) -> None:
-    """Make a field of a frozen dataclass a read-only array; call this in `__post_init__`."""
+    """Replace field `name` of a frozen dataclass by a read-only array; call this function in `__post_init__`."""
     object.__setattr__(owner, name, read_only_copy(getattr(owner, name), dtype, shape))
 
 
 def lock_floats(owner: object, **shapes: tuple[int | None, ...]) -> None:
-    """Make fields of a frozen dataclass read-only float arrays. shapes : shape of each field."""
+    """Replace fields of a frozen dataclass by read-only float arrays. shapes : shape of each field, by field name."""
     for name, shape in shapes.items():
         lock(owner, name, np.float64, shape)
 
@@ -69,8 +69,8 @@ def row_min(rows: NDArray[Any]) -> NDArray[Any]:
 
 
 def group_sums(group: Ints, values: Floats, count: int = 0) -> Floats:
-    """Return the sums (g, d) of the rows of `values` (k, d) in groups. group : (k,) group number of each row.
-    count : smallest number g of groups."""
+    """Return the sum (g, d) of the rows of `values` (k, d) in each group. group : (k,) group number of each row.
+    count : g is at least this number."""
     return np.stack([np.bincount(group, column, count) for column in values.T], axis=1).astype(np.float64)
 
 
@@ -98,13 +98,13 @@ def polygon_perimeter(P: Floats) -> float:
 
 
 def area_vectors(V: Floats, F: Ints) -> Floats:
-    """Return the areas of faces F (m, 3) times two, as vectors (m, 3) along the normals."""
+    """Return vectors (m, 3) along the normals of faces F (m, 3); their lengths are twice the face areas."""
     a, b, c = V[F[:, 0]], V[F[:, 1]], V[F[:, 2]]
     return cross(b - a, c - a)
 
 
 def concatenated_mesh(parts: Sequence[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
-    """Return several meshes as a single mesh: vertices (n, 3) and faces (m, 3)."""
+    """Join meshes to a single mesh: vertices (n, 3) and faces (m, 3). parts : vertices and faces of each mesh."""
     starts = np.cumsum([0, *(len(V) for V, _ in parts)])[:-1].tolist()
     V = np.concatenate([np.empty((0, 3)), *(V for V, _ in parts)])
     faces = [F + start for (_, F), start in zip(parts, starts, strict=True)]
@@ -124,19 +124,19 @@ def face_angles(V: Floats, F: Ints) -> Floats:
 
 
 def distances_from_segments(points: Floats, a: Floats, b: Floats) -> Floats:
-    """Return the distances (...) of points (..., 3) from the segments from a to b (..., 3)."""
+    """Return the distance (...) of each of the points (..., 3) from the segment between a and b (..., 3)."""
     return np.asarray(np.linalg.norm(points - a - positions_on_segments(points, a, b)[..., None] * (b - a), axis=-1))
 
 
 def positions_on_segments(points: Floats, a: Floats, b: Floats) -> Floats:
-    """Return positions (...) of points (..., 3) on segments, 0 at a and 1 at b."""
+    """Return the position (...) of the nearest point on each segment from a to b (..., 3): 0 at a and 1 at b."""
     along, to = b - a, points - a
     squared = np.maximum(np.einsum("...i,...i->...", along, along), np.finfo(float).tiny)
     return np.asarray(np.clip(np.einsum("...i,...i->...", to, along) / squared, 0, 1))
 
 
 def transported_vectors(onto: Floats, normal: Floats, x: Floats) -> Floats:
-    """Rotate vectors x (k, 3) as unit normals `normal` rotate to unit normals `onto` (k, 3) [Rodrigues 1840]."""
+    """Rotate vectors x (k, 3) by the smallest rotation from unit vectors `normal` to `onto` (k, 3) [Rodrigues 1840]."""
     across = np.cross(normal, onto)
     cosine = np.einsum("ki,ki->k", normal, onto)[:, None]
     along = np.einsum("ki,ki->k", across, x)[:, None]
@@ -150,7 +150,7 @@ def sorted_order(keys: Ints) -> Ints:
 
 def equal_key_groups(keys: Ints) -> tuple[Ints, Ints, Ints]:
     """Sort integers (k,) and group equal integers.
-    Return the order (k,), the start of each group in this order, and the group (k,) of each integer."""
+    Return the sorting indices (k,), the first position of each group in the sorted array, and group numbers (k,)."""
     order, ascending = _stable_sort(keys)
     is_start = np.concatenate([[True], ascending[1:] != ascending[:-1]]) if len(keys) else np.empty(0, dtype=bool)
     group = np.empty(len(keys), dtype=np.int64)
@@ -159,7 +159,7 @@ def equal_key_groups(keys: Ints) -> tuple[Ints, Ints, Ints]:
 
 
 def distinct(keys: NDArray[np.integer[Any]]) -> Ints:
-    """Return the distinct integers (k,), ascending, of an array (...)."""
+    """Return the distinct integers of an array (...), as an ascending array (k,)."""
     ascending = np.sort(keys, axis=None)
     return np.asarray(ascending[np.diff(ascending, prepend=ascending[:1] - 1) != 0])
 
@@ -189,12 +189,12 @@ def first_few(indices: Ints, count: int = 5) -> str:
     return shown + (", ..." if len(indices) > count else "")
 
 
-ALIKE = 0.05  # Relative difference below which widths of openings or bars count as equal, because of the mesh.
+ALIKE = 0.05  # Widths of openings or bars with a smaller relative difference count as equal, because meshes are coarse.
 
 
 def split_value(values: Floats, threshold: float, tolerance: float = ALIKE) -> float:
-    """Return a limit between small and large values (k,), near `threshold`.
-    tolerance : values this close to the threshold may be on either side of the limit."""
+    """Return a limit near `threshold` that separates small from large values (k,) at a gap between values.
+    tolerance : values within this distance of the threshold may be on either side of the limit."""
     close_values = values[np.abs(values - threshold) < tolerance]
     if not len(close_values):
         return threshold

@@ -9,7 +9,7 @@ R = TypeVar("R")
 
 
 class DerivedResults(dict[Any, Any]):
-    """Results of an object, by key. Pickle omits the results."""
+    """Results that belong to an object, by key. A pickled object has none of these results."""
 
     def __reduce__(self) -> tuple[type["DerivedResults"], tuple[()]]:
         return DerivedResults, ()

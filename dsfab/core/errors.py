@@ -30,7 +30,7 @@ class ExportError(DsfabError):
 
 
 class NotMadeError(ExportError):
-    """Something that was requested and was not made, for instance a file that would be larger than allowed."""
+    """A requested result that dsfab did not make, for instance because a file would be larger than allowed."""
 
 
 class PresetError(DsfabError):

@@ -13,8 +13,8 @@ from dsfab.core.errors import PresetError, did_you_mean
 @dataclass(frozen=True)
 class NamedMaterial:
     """A material that a preset may name.
-    young : Pa.    density : kg/m3.    strength : design strength, Pa.    expansion : thermal expansion, 1/K.
-    says : kind and derivation of the strength.    source : reference for all values."""
+    young : Young's modulus, Pa.    density : kg/m3.    strength : design strength, Pa.    expansion : thermal, 1/K.
+    says : text on the kind and derivation of the strength.    source : reference for all values."""
 
     name: str
     young: float
@@ -35,7 +35,7 @@ KEYS = ("young", "poisson", "density", "strength")  # Keys of [statics] that a m
 
 
 def _steel(name: str, strength: int, source: str = "") -> NamedMaterial:
-    says = f"yield {strength} MPa / 1.0, up to 40 mm thick"
+    says = f"yield strength {strength} MPa / 1.0, for plates up to 40 mm thick"
     source += "EN 1993-1-1, 3.2.6, 6.1 and table 3.1; density EN 1991-1-1"
     return NamedMaterial(name, 210e9, 0.3, 7850.0, strength * 1e6, 12e-6, says, source)
 
@@ -58,21 +58,24 @@ _ALL = (
     NamedMaterial(
         *("LVL 48 P", 13.8e9, 0.3, 510.0, 23.3e6, 5e-6),
         says="tension along the grain 35 MPa x 0.8 / 1.2",
-        source="EN 14374, makers' bulletin of 2019; factors EN 1995-1-1; expansion as timber; Poisson's ratio assumed",
+        source="EN 14374, makers' bulletin of 2019; strength factors EN 1995-1-1; thermal expansion as timber; "
+        "Poisson's ratio assumed",
     ),
     NamedMaterial(
         *("CLT", 5.5e9, 0.1, 420.0, 4.6e6, 5e-6),
-        says="tension along the boards 14.5 MPa / 2 x 0.8 / 1.25; half of the layers run across, and young is halved",
-        source="C24 of EN 338; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
+        says="tension along the boards 14.5 MPa / 2 x 0.8 / 1.25; half of the layers run across, so young is half of "
+        "the timber's value",
+        source="C24 of EN 338; strength factors EN 1995-1-1; thermal expansion EN 1991-1-5; Poisson's ratio assumed",
     ),
     NamedMaterial(
         *("plywood", 8.75e9, 0.1, 680.0, 25e6, 5e-6),
         says="tension 37.5 MPa x 0.8 / 1.2, the mean of the values along and across the grain",
-        source="birch, Handbook of Finnish Plywood; factors EN 1995-1-1; expansion as timber; Poisson's ratio assumed",
+        source="birch, Handbook of Finnish Plywood; strength factors EN 1995-1-1; thermal expansion as timber; "
+        "Poisson's ratio assumed",
     ),
     NamedMaterial(
         *("aluminium 6082", 70e9, 0.3, 2700.0, 218e6, 23e-6),
-        says="T6, proof strength 240 MPa / 1.1, up to 100 mm thick; beside welds about half of this strength",
+        says="temper T6, proof strength 240 MPa / 1.1, up to 100 mm thick; the strength beside welds is about half",
         source="EN 1999-1-1, 3.2.5, 6.1.3 and table 3.2a",
     ),
     NamedMaterial(
@@ -82,8 +85,8 @@ _ALL = (
     ),
     NamedMaterial(
         *("GFRP", 17e9, 0.23, 1800.0, 57e6, 10e-6),
-        says="tension along the profile 170 MPa / 3; across the profile 30 MPa / 3, and young 5 GPa",
-        source="E17 of EN 13706-3; factor on strength as in the EUROCOMP code, roughly; other values from makers' data",
+        says="tension along the profile 170 MPa / 3; across the profile, tension 30 MPa / 3 and young 5 GPa",
+        source="E17 of EN 13706-3; strength factor roughly as in the EUROCOMP code; other values from makers' data",
     ),
     NamedMaterial(
         *("PLA", 3.5e9, 0.36, 1240.0, 20e6, 68e-6),
@@ -110,11 +113,11 @@ _STOCK = (
     ("C24, C30", "16 19 22 25 32 38 44 50 63 75 100 125 150 175 200 225 250 300", "sawn softwood, EN 1313-1"),
     (
         *("GL24h, GL28h, GL32h", "20 30 40 60 80 100 120 140 160 180 200 220 240 280 320 360 400 440 480 520 560 600"),
-        "laminations and standard beams of manufacturers, EN 14080",
+        "thicknesses of laminations and standard beams of manufacturers, EN 14080",
     ),
     (
         *("LVL 48 P", "21 24 27 30 33 39 45 51 57 63 69 75 90 102 114 126 138 150 189 225 300"),
-        "panels of manufacturers up to 75 mm; thicker sheets are two to four panels, glued together",
+        "panels of manufacturers up to 75 mm thick; thicker sheets consist of two to four panels, glued together",
     ),
     ("CLT", "60 80 90 100 120 140 160 180 200 220 240 260 280 300 320", "manufacturers' panels with 3 to 8 layers"),
     ("plywood", "4 6.5 9 12 15 18 21 24 27 30 35 40 45 50", "birch plywood, Handbook of Finnish Plywood"),
@@ -131,14 +134,14 @@ STOCK = {
 """Stock of each material, by its name."""
 
 NO_STRENGTH = (
-    "statics gives neither a material nor a strength, so dsfab cannot check the members; set statics.material = "
+    "the preset gives neither a material nor a strength, so dsfab cannot check the members; set statics.material = "
     '"S355" (`dsfab materials` lists all), or statics.strength'
 )
 """Message for a preset without a material and without a strength."""
 
 
 def material_named(name: str) -> NamedMaterial:
-    """Return the material of that name, in capitals or small letters. Raises PresetError for an unknown name."""
+    """Return the material with this name; letter case does not matter. Raises PresetError for an unknown name."""
     key = " ".join(name.split()).lower()
     by_lower_name = {label.lower(): material for label, material in MATERIALS.items()}
     if key in by_lower_name:
@@ -148,6 +151,6 @@ def material_named(name: str) -> NamedMaterial:
     for small, material in by_lower_name.items():
         hint = hint.replace(f" {small}?", f" {material.name}?")
     raise PresetError(
-        f"{name!r} is not known{hint}; use one of {', '.join(MATERIALS)}, or leave it out and give young, poisson and "
-        "density"
+        f"{name!r} is not known{hint}; use one of {', '.join(MATERIALS)}, or leave material out and give "
+        f"young, poisson and density"
     )

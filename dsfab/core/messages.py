@@ -16,12 +16,12 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def names_and_count(names: Sequence[str], shown: int = 5) -> str:
-    """Return the first names, and the number of further names, as text."""
+    """Return the first `shown` names, and the number of further names, as text."""
     return ", ".join(names[:shown]) + (f" and {len(names) - shown} more" if len(names) > shown else "")
 
 
 def count_phrase(number: int, thing: str, verb: str = "") -> str:
-    """Return a count with its noun and verb, such as '1 edge has'. verb : plural form."""
+    """Return a number with noun and verb, such as '1 edge has'. thing : singular noun.    verb : plural verb."""
     if number == 1:
         return f"1 {thing} {'has' if verb == 'have' else verb + 's'}" if verb else f"1 {thing}"
     plural = {"vertex": "vertices"}.get(thing, thing + ("es" if thing.endswith("sh") else "s"))
@@ -66,7 +66,7 @@ def length(metres: float) -> str:
     return f"{1000 * metres:.3g} mm" if abs(metres) < 1 else f"{metres:.3g} m"
 
 
-MEANINGFUL_FACTOR = 1000.0  # Largest load factor that reports show; larger ones come from rounding or tiny compression.
+MEANINGFUL_FACTOR = 1000.0  # Largest load factor in reports; larger factors come from rounding or tiny compression.
 
 
 def load_factor(factor: float) -> str:

@@ -44,7 +44,7 @@ def toml_table(text: str) -> dict[str, Any]:
 
 
 def _depth_is_over(values: dict[str, Any], limit: int) -> bool:
-    level: list[Any] = [values]  # no recursion: dotted keys may be very deep
+    level: list[Any] = [values]  # a loop instead of recursion, because dotted keys may be very deep
     for _ in range(limit):
         inside = [value for item in level for value in (item.values() if isinstance(item, dict) else item)]
         level = [value for value in inside if isinstance(value, dict | list)]
@@ -52,7 +52,7 @@ def _depth_is_over(values: dict[str, Any], limit: int) -> bool:
 
 
 def read_toml(path: Path, kind: str = "preset") -> dict[str, Any]:
-    """Return the tables of a TOML file. Raises PresetError. kind : name of the file's kind in the message."""
+    """Return the tables of a TOML file. Raises PresetError. kind : word for the file in error messages."""
     try:
         return toml_table(path.read_text(encoding="utf-8"))
     except TomlError as error:

@@ -1,4 +1,4 @@
-"""Objections to a design, such as a support at a single vertex."""
+"""Faults of a design, such as a support at a single vertex."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -25,15 +25,15 @@ NEVERTHELESS = "(statics.check = false switches this check off)"
 
 
 class Objection(NamedTuple):
-    """A fault of a design.
-    refuses : True if the design must not be built."""
+    """A fault of a design, as a text.
+    refuses : True if dsfab refuses to build a design with this fault."""
 
     text: str
     refuses: bool = True
 
 
 def objections(preset: Preset, surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
-    """Yield the faults of a solved uncut sheet, the most serious first.
+    """Yield the faults of an uncut sheet after its statics are solved, the most serious first.
     cases : results by name of the load case."""
     acting, weight = acting_on(preset, surface), preset.statics.area_weight
     yield from _moving(surface, cases)
@@ -47,7 +47,7 @@ def objections(preset: Preset, surface: Surface, cases: Mapping[str, CaseResult]
 
 
 def require_buildable(preset: Preset, statics: StaticsResult) -> None:
-    """Raise StaticsError with the most serious fault, unless statics.check is false."""
+    """Raise StaticsError with the most serious fault, if any, unless statics.check is false."""
     if why := refusal(preset, statics):
         raise StaticsError(why)
 
@@ -58,7 +58,7 @@ def refusal(preset: Preset, statics: StaticsResult) -> str:
 
 
 def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:
-    """Return a sentence for each support or load at a point too far from the nearest vertex.
+    """Return a sentence for each support or load that acts at a point too far from the surface's nearest vertex.
     Raises SurfaceError with the first sentence, unless `statics.check` is false."""
     section, messages, surface = preset.surface, [], whole_surface(preset, surface)
     names = [*support_names(section.support), *load_names(section.load)]
@@ -98,8 +98,9 @@ def _on_one_vertex(surface: Surface, acting: Acting, cases: Mapping[str, CaseRes
     names = zip(support_names(acting.support), acting.support, strict=True)
     holding = " and ".join(name for name, support in names if support.at.vertices(surface)[vertex])
     return Objection(
-        f"{least[vertex]:.0%} of all reactions act on one vertex, at {point_words(surface.V[vertex])} ({holding}), but "
-        "a sheet cannot stand on a point: support a region there, with the picker `ball` or a larger depth"
+        f"{least[vertex]:.0%} of the sum of all reactions acts on one vertex, at {point_words(surface.V[vertex])} "
+        f"({holding}), but a sheet cannot stand on a point: support a region there, with pick = 'ball' or a larger "
+        f"depth"
     )
 
 
@@ -109,8 +110,9 @@ def _on_few_vertices(entries: Sequence[SupportEntry]) -> Iterator[Objection]:
         if entry.vertices < FEW_VERTICES and share > SOME_REACTION:
             count = "1 vertex" if entry.vertices == 1 else f"{entry.vertices} vertices"
             yield Objection(
-                f"{entry.name} holds only {count}, at {point_words(entry.place)}, and carries up to {share:.0%} of the "
-                "reaction: the stress there depends on the mesh; support a region: use pick = 'ball' or raise depth",
+                f"{entry.name} holds only {count}, at {point_words(entry.place)}, and carries up to {share:.0%} of "
+                f"the reaction. The stress at this place depends on the mesh; support a region: use pick = 'ball' or "
+                f"raise depth",
                 refuses=False,
             )
 
@@ -120,8 +122,8 @@ def _past_faces(acting: Acting, surface: Surface, weight: float) -> Iterator[Obj
     for load, entry in zip(climate, load_entries(surface, climate, weight), strict=True):
         if entry.total < LEAST_LOAD_SHARE * load.pressure * entry.area:
             yield Objection(
-                f"{entry.name} is parallel to its faces, and puts {force(entry.total)} on {entry.area:.3g} "
-                "m2: change its direction, or pick other faces"
+                f"{entry.name} acts parallel to its faces, and puts only {force(entry.total)} on {entry.area:.3g} m2: "
+                f"change the direction of the load, or pick other faces"
             )
 
 
@@ -132,8 +134,8 @@ def _on_supports(
     for name, load in zip(load_names(acting.load), acting.load, strict=True):
         if not load.forces(surface, weight)[free].any():
             yield Objection(
-                f"{name} acts only on supports, in the directions that they hold, so that the sheet does not carry it; "
-                "move the load or the supports",
+                f"{name} acts only on supports, in the directions that these supports hold, so the sheet does not "
+                f"carry this load; move the load or the supports",
                 refuses=False,
             )
 

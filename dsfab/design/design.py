@@ -61,16 +61,16 @@ if TYPE_CHECKING:
     from dsfab.report.design.save import SavedDesign
 
 T = TypeVar("T")
-RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}  # Results by stage; default: stage name.
+RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}  # Default result: the stage's own name.
 
 
 @dataclass
 class StageResults:
-    """The results of one design by name, each computed once.
+    """The results of a design by name; each is computed once.
     results : results of the stages.
-    derived : values computed from results, each with the last stage on which it depends. A pickled design has none.
-    inputs  : large intermediate values, each with the stage that needs it. They are deleted after this stage.
-    A changed design shares the results and derived values of the stages before the first changed section."""
+    derived : values computed from `results`, each with the last stage that it depends on. Pickle omits these values.
+    inputs  : large intermediate values, each with the stage that needs the value and then deletes it.
+    A revised design takes over `results` and `derived` of the stages before the first changed preset section."""
 
     results: dict[str, Any] = field(default_factory=dict)
     derived: dict[str, tuple[str, Any]] = field(default_factory=dict)
@@ -81,7 +81,7 @@ class StageResults:
         return any(name in self.results for name in RESULT_NAMES.get(stage, (stage,)))
 
     def result(self, name: str, compute: Callable[[], T]) -> T:
-        """Return the result `name`, computed on first access; then delete the stored inputs of the stage `name`."""
+        """Return the result of stage `name`. The first call computes the result and deletes the inputs of the stage."""
         if name not in self.results:
             self.results[name] = compute()
             for key in [key for key, (stage, _) in self.inputs.items() if stage == name]:
@@ -94,19 +94,19 @@ class StageResults:
         self.results[name] = value
 
     def derived_value(self, stage: str, name: str, compute: Callable[[], T]) -> T:
-        """Return the value `name`, computed on first access. It depends on the results of all stages up to `stage`."""
+        """Return the value `name`, computed on the first call. The value depends on results of stages up to `stage`."""
         return _computed_once(self.derived, stage, name, compute)
 
     def input_of(self, stage: str, name: str, compute: Callable[[], T]) -> T:
-        """Return the intermediate value `name`, computed on first access and kept until `stage` has its result."""
+        """Return the intermediate value `name`, computed on the first call and deleted after `stage`."""
         return _computed_once(self.inputs, stage, name, compute)
 
     def existing_value(self, name: str) -> Any:
-        """Return a derived value if it exists, else None."""
+        """Return the derived value `name` if it is stored, else None."""
         return self.derived.get(name, ("", None))[1]
 
     def existing_input(self, name: str) -> Any:
-        """Return an intermediate value if it exists, else None."""
+        """Return the intermediate value `name` if it is stored, else None."""
         return self.inputs.get(name, ("", None))[1]
 
     def of_stages(self, stages: Sequence[str]) -> "StageResults":
@@ -138,8 +138,8 @@ class Design:
 
     @classmethod
     def from_preset(cls, preset: Preset, earlier: "Design | None" = None, progress: Progress | None = None) -> "Design":
-        """Return the design of a preset; its stages are computed later. Results of the design `earlier` are used again
-        before the first changed section. Raises PresetError for another type, or if the thickness is 'auto'."""
+        """Return the design of a preset; its stages are computed later. Stages before the first changed section take
+        results from the design `earlier`. Raises PresetError for a wrong type, or if the thickness is 'auto'."""
         if not isinstance(preset, Preset):
             raise PresetError(missing_preset(preset))
         if not preset.statics.is_sized:
@@ -177,12 +177,12 @@ class Design:
         return self._results.has(stage)
 
     def cached_result(self, stage: str, name: str, make: Callable[[], T]) -> T:
-        """Return the value of `make()`, which is called once; later calls with this `name` return the stored value.
-        A revised design keeps the value if only stages after `stage` change."""
+        """Return the result of `make()` and store it under `name`; later calls return the stored value.
+        A revised design takes over the value if only stages after `stage` change."""
         return self._results.derived_value(stage, name, make)
 
     def existing_result(self, name: str) -> Any:
-        """Return a value of `cached_result` if it exists, else None."""
+        """Return the value that `cached_result` stored under `name`, or None."""
         return self._results.existing_value(name)
 
     def write(self, path: str | Path, **options: Any) -> Path:
@@ -274,9 +274,9 @@ class Design:
 
     def sketch(self, modes: bool = True, answers: bool = False) -> "Design | None":
         """Return a design with an approximate pattern, for a first picture; it takes a tenth of the usual time.
-        modes   : False to leave out the modes if stripes are evenly spaced.
-        answers : True for accurate stress and energy, False for values by fast elements.
-        Return None if no approximate widths give the requested share of material.
+        modes   : False to skip the diffusion modes if stripes are evenly spaced.
+        answers : True for accurate stress and energy, False for values from fast finite elements.
+        Returns None if no approximate widths give the requested share of material.
         Raises the DsfabError of the stage that fails."""
         if answers:
             _ = self.statics
@@ -330,7 +330,7 @@ class Design:
 
     @property
     def member_forces(self) -> "dict[str, MemberForces]":
-        """Forces and moments along the axis of each member, by name of the member, from `section_forces`."""
+        """Forces and moments at points along the axis of each member, by member name, from `section_forces`."""
         from dsfab.members.frame import member_forces
 
         def make() -> "dict[str, MemberForces]":
@@ -342,15 +342,15 @@ class Design:
 
     @property
     def member_cuts(self) -> "dict[str, MemberCuts]":
-        """Cuts across each member, by name of the member; they do not depend on the thickness."""
+        """Cross sections at points along the axis of each member, by member name; independent of the thickness."""
         from dsfab.members.frame import member_cuts
 
         return self.cached_result("slicing", "member cuts", lambda: member_cuts(self.members))
 
     def sheet_with_ribs(self, thickness: float) -> SheetModel:
-        """Return the cut sheet with a thickness (m), and with ribs that twist as softly as bars."""
+        """Return the model of the cut sheet with a thickness (m). Ribs get the low torsional stiffness of bars."""
         surface = self.sheet.surface
-        ribs = self.cached_result("slicing", "rib shape", lambda: rib_shape(surface))  # independent of the thickness
+        ribs = self.cached_result("slicing", "rib shape", lambda: rib_shape(surface))  # the same for every thickness
         return with_barlike_ribs(self.preset.statics.sheet(thickness).model_for(surface), ribs)
 
     @property
@@ -363,7 +363,7 @@ class Design:
         return member_utilisation(self.preset, self.members, self.member_forces)
 
     def frame_agreement(self) -> "list[FrameAgreement]":
-        """Compare the beam model with the cut sheet, in each load case and combination."""
+        """Compare compliance and displacement of the beam model with the cut sheet, in each case and combination."""
         return self.cached_result("slicing", "frame agreement", self._frame_agreement)
 
     def _frame_agreement(self) -> "list[FrameAgreement]":
@@ -379,7 +379,7 @@ class Design:
 
     @property
     def fields(self) -> Mapping[str, Floats] | None:
-        """Fields of the VTU file by name, (n, ...) at vertices or (m, ...) on faces; None if not read from a folder."""
+        """Fields by name, (n, ...) at vertices or (m, ...) on faces, from a built folder; None for a new design."""
         return self._results.result("fields", lambda: None)
 
     @property
@@ -389,7 +389,7 @@ class Design:
 
     @property
     def seconds(self) -> Mapping[str, float]:
-        """Computing times (s) of the stages computed so far, by name of the stage or step, such as those in `TIMED`."""
+        """Computing times (s) of the stages computed so far, by name of the stage or step, as in `TIMED`."""
         return MappingProxyType(self._log.seconds)
 
     @property
@@ -413,14 +413,14 @@ class Design:
         return self.statics.load
 
     def quality(self, symmetry: bool = True) -> PatternQuality:
-        """Return the quality of the pattern, measured on the sheet if it exists, else on the stripes.
+        """Return the quality of the pattern, measured on the cut sheet if it is computed, else on the stripes.
         symmetry : True to measure the symmetry error, too, which takes longest."""
         cells, sheet = (self.slicing.cells, self.sheet) if self.has("slicing") else (None, None)
         return measured_pattern(self, symmetry, cells, sheet)
 
     @property
     def cut_loads(self) -> dict[str, LoadCase]:
-        """Loads on the cut sheet, by name, in the load cases and combinations that the pattern follows.
+        """Loads on the cut sheet, by name of the load case or combination, if the pattern follows this case.
         Raises StaticsError if a load has no support."""
         return self._loads_on_sheet(self.preset.followed_weights)
 
@@ -429,7 +429,7 @@ class Design:
 
     @property
     def section_forces(self) -> dict[str, SectionForces]:
-        """Forces n, m and q on each face of the cut sheet, by case and combination (see `dsfab.statics.SectionForces`).
+        """Section forces n, m and q on each face of the cut sheet, by load case or combination; see `SectionForces`.
         Raises StaticsError if a load has no support."""
         return self.cached_result("slicing", "section forces", self._section_forces)
 
@@ -450,7 +450,7 @@ class Design:
 
 
 def summary_lines(design: Design) -> Iterator[str]:
-    """Yield lines of text about a design: its name, then a line for each result that exists."""
+    """Yield lines of text about a design: its name, then a line for each computed result."""
     preset = design.preset
     yield f"Design {preset.name}" + (f": {preset.description}" if preset.description else "")
     if design.has("surface"):
@@ -466,7 +466,7 @@ def summary_lines(design: Design) -> Iterator[str]:
         pieces = "1 piece" if solid.pieces == 1 else f"{solid.pieces} pieces"
         yield f"  solid    {mass(design.mass)}, {solid.volume:.4g} m3, {pieces}, {len(solid.F):,} triangles"
     if not design.has("thickening"):
-        yield "  all other results are computed on first access"
+        yield "  all other results are computed when you first read them"
 
 
 def run(preset: Preset, progress: Progress | None = None) -> Design:
@@ -475,13 +475,13 @@ def run(preset: Preset, progress: Progress | None = None) -> Design:
 
 
 def revise(design: Design, preset: Preset, progress: Progress | None = None) -> Design:
-    """Return the design of a changed preset. Results of `design` before the first changed section are used again,
+    """Return the design of a changed preset. Stages before the first changed section take their results from `design`,
     for example the statics if [pattern] changes."""
     return Design.from_preset(preset, design, progress).until("thickening")
 
 
 def draft(preset: Preset, progress: Progress | None = None, earlier: Design | None = None) -> Design:
-    """Run the stages up to the pattern, without a cut.
-    earlier : design whose unchanged stages are reused.
+    """Return a design whose stages up to the pattern are computed; the surface is not cut.
+    earlier : earlier design, which gives the results of unchanged stages.
     Raises the DsfabError of the stage that fails."""
     return Design.from_preset(preset, earlier, progress).until("pattern")

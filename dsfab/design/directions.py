@@ -36,7 +36,7 @@ def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) ->
 
 
 def load_axes(surface: Surface, load: LoadCase) -> Floats:
-    """Return three axes of a loaded surface, in rows (3, 3)."""
+    """Return orthonormal axes (3, 3), in rows, that depend on the shape, loads and supports of a surface."""
     sizes = np.linalg.norm(load.force, axis=1)
     density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
     resultant = load.force.sum(axis=0)
@@ -58,16 +58,16 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
         asymmetry = max(symmetry.asymmetry(surface, x) for modes in (major, minor) for x in modes.X.T)
         log.note(
             "diffusion",
-            f"modes are symmetric ({', '.join(options.symmetry)}, {symmetry.order} images), with a relative error of "
-            f"{asymmetry:.1g} on this mesh",
+            f"modes have the symmetries {', '.join(options.symmetry)} ({symmetry.order} images of each stripe), with "
+            f"a relative error of {asymmetry:.1g} on this mesh",
         )
     # errors are below 10 % if the surface is at least 3.2 sqrt(r) edges wide; r is the anisotropy of the diffusion
     edge = np.sqrt(surface.area) / (3.2 * np.sqrt(options.r))
     if surface.mean_edge > edge:
         log.note(
             "diffusion",
-            f"the mesh is coarse for r = {options.r:g}: edges of {surface.mean_edge:.3g} m, better under {edge:.3g} m "
-            "(surface.refine)",
+            f"the mesh is too coarse for the anisotropy r = {options.r:g}: edges are {surface.mean_edge:.3g} m long; "
+            f"make them shorter than {edge:.3g} m (surface.refine)",
         )
     if (share := float(tensors.isotropic @ surface.areas) / surface.area) > 0.5:
         log.note("diffusion", _unclear_direction_message(share, options.labelling))
@@ -91,10 +91,15 @@ def without_modes(preset: Preset, surface: Surface, statics: StaticsResult) -> D
 
 def _unclear_direction_message(share: float, labelling: Labelling) -> str:
     alike = "as large" if labelling == "magnitude" else "nearly the same"
-    hint = ', and labelling = "signed" separates tension from compression' if labelling == "magnitude" else ""
+    hint = (
+        ', and with labelling = "signed", one family follows tension and the other compression'
+        if labelling == "magnitude"
+        else ""
+    )
     return (
-        f"{share:.0%} of the surface has no clear stress direction, because one principal stress is {alike} as the "
-        "other: there stripes take the direction of nearby stripes; with diffusion.isotropy = 0, stripes follow even "
+        f"{share:.0%} of the surface has no clear stress direction, because the first principal stress is {alike} as "
+        f"the second: there stripes take the direction of nearby stripes; with diffusion.isotropy = 0, stripes follow "
+        f"even "
         f"the smallest difference of the stresses{hint}"
     )
 
@@ -102,8 +107,9 @@ def _unclear_direction_message(share: float, labelling: Labelling) -> str:
 @dataclass(frozen=True, eq=False)
 class Steering:
     """Changes of stripe directions by the user.
-    turn     : angle from the stress to the stripes, radians.   guidance : guides (curves that steer stripes).
-    symmetry : of the changed directions.    told : a note for the user, or ''.    loops : supported boundary loops."""
+    turn     : angle from the principal stress to the stripes, radians.
+    guidance : guides (curves that steer stripes).    symmetry : symmetry of the changed directions, or None.
+    told     : note for the user, or ''.    loops : surroundings of supported boundary loops."""
 
     turn: float
     guidance: tuple[Guidance, ...]
@@ -112,19 +118,19 @@ class Steering:
     loops: tuple[LoopSurroundings, ...] = ()
 
     def with_loops(self, frames: Frames, stress: StressDirections) -> "Steering":
-        """Return a copy with a guide (curve that steers stripes) around each boundary loop."""
+        """Return a copy with an added guide (curve that steers stripes) around each of the boundary loops `loops`."""
         around = (loop.guidance(frames, stress, self.turn) for loop in self.loops)
         return replace(self, guidance=(*self.guidance, *around), loops=())
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
-        """Return the clarity (m,) of stripe directions on the faces, 0 to 1. stress : (m,) clarity without guides."""
+        """Return how clear the stripe direction of each face is (m,), 0 to 1. stress : (m,) the same without guides."""
         return np.minimum(stress + self.guide_weights(surface), 1.0) if self.guidance else stress
 
     def guide_weights(self, surface: Surface) -> Floats:
         return np.asarray(sum((guide.weight for guide in self.guidance), np.zeros(surface.n))[surface.F].mean(axis=1))
 
     def outcome(self, surface: Surface, along: Floats, directions: StressDirections, over: Bools) -> StripeSteering:
-        """Return a record of the changes of stripe directions. along : (n, 3) directions of the major stripes.
+        """Return how stripes differ from the stress on each face. along : (n, 3) directions of the major stripes.
         over  : (n,) mask of vertices where major stripes follow the second principal stress."""
         cosines = (np.einsum("mcx,mx->mc", along[surface.F], directions.direction[:, k]) for k in (0, 1))
         first_share, second_share = ((cosine**2).sum(axis=1) for cosine in cosines)
@@ -132,21 +138,22 @@ class Steering:
         messages = [self.told] * bool(self.told)
         if share := float(surface.areas @ crossed) / surface.area:
             messages.append(
-                f"the larger principal stress changes its direction: on {share:.0%} of the surface, members change "
-                "their family, so that no member ends where the direction changes"
+                f"on {share:.0%} of the surface, the directions of major and minor stress change places. There "
+                f"members keep their direction and change their family, so that no member ends at the change"
             )
         along_one = first_share / np.maximum(first_share + second_share, np.finfo(float).tiny)
         return StripeSteering(along_one, self.guide_weights(surface), crossed, "; ".join(messages))
 
 
 def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacing: float) -> Steering:
-    """Return the changes that a [pattern] section makes to stripe directions.
-    symmetry : symmetry of surface, supports and loads.    spacing : default reach of guides, metres.
+    """Return the changes of stripe directions that the options of a [pattern] section request.
+    symmetry : symmetry of surface, supports and loads.    spacing : distance to which a guide acts by default, metres.
     Raises PatternError for an oblique `rotate` on a one-sided surface, and for a guide without effect."""
     oblique = options.rotate % 90 != 0
     if oblique and one_sided_pieces(frames.surface.F, frames.surface.edges).any():
         raise PatternError(
-            f"pattern.rotate = {options.rotate:g} has no sense of rotation on a one-sided surface, such as a Moebius "
+            f"pattern.rotate = {options.rotate:g} is impossible, because left and right are not defined on a "
+            f"one-sided surface, such as a Moebius "
             "strip; use 0 or 90"
         )
     guidance = Guidance.from_guides(frames, options.guide, spacing)
@@ -166,7 +173,7 @@ def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacin
 
 
 def keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
-    """Return a mask (g,) of the mirrors and rotations that keep clockwise angles clockwise."""
+    """Return a mask (g,) of the mirrors and rotations that preserve the sense of rotation on the surface."""
     normal = surface.normals
     agree = [
         np.linalg.det(R) * np.einsum("mi,mi->m", normal @ R.T, normal[face]) > 0
@@ -176,7 +183,7 @@ def keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
 
 
 def keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, ...]) -> Bools:
-    """Return a mask (g,) of the mirrors and rotations that map the guides to themselves."""
+    """Return a mask (g,) of the mirrors and rotations that map guides (curves that steer stripes) to themselves."""
     area, n = frames.surface.vertex_areas, frames.surface.n
     tensors = [guide.tensors(frames) for guide in guidance]
     total = np.asarray(sum(tensors))

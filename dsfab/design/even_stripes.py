@@ -44,11 +44,11 @@ SLOPES = (0.6, 1.6)  # Limits of the actual number of stripes per metre, divided
 
 @dataclass(frozen=True, eq=False)
 class FamilyLines:
-    """The centre lines of a family of stripes. A halving ends every second line.
-    most  : largest number of halvings.    wish : (m,) wanted halvings on each face, 0 to `most`.
-    free  : (m,) wanted halvings, without limits.
-    slope : (n,) lines per metre at each vertex, before halving.
-    grown : mean number of lines per metre before halving / the wanted number."""
+    """The centre lines of a family of stripes. A halving removes every second line from a part of the surface.
+    most  : largest number of halvings.    wish : (m,) wanted number of halvings on each face, 0 to `most`.
+    free  : (m,) wanted number of halvings on each face, without limits.
+    slope : (n,) lines per metre at each vertex, before halvings.
+    grown : mean number of lines per metre before halvings, divided by the wanted number."""
 
     phase: CornerPhase
     most: int
@@ -61,10 +61,10 @@ class FamilyLines:
 @dataclass(frozen=True, eq=False)
 class StripeDirections:
     """Directions of the major and of the minor stripes.
-    along      : (n, 3) directions of major stripes at vertices.
-    steered    : how directions differ from the stress, or None.
-    confidence : (m,) clearness of the direction on each face, 0 to 1.
-    moved      : (n,) displacement of each vertex, in any unit."""
+    along      : (n, 3) directions of the major stripes at vertices.
+    steered    : record of how the stripes differ from the stress directions; None if they do not differ.
+    confidence : (m,) how clear the direction of each face is, 0 to 1.
+    moved      : (n,) size of the displacement of each vertex under the loads, in any unit."""
 
     frames: Frames
     given: StressDirections
@@ -78,7 +78,7 @@ class StripeDirections:
 
     @classmethod
     def from_statics(cls, preset: Preset, surface: Surface, statics: StaticsResult, spacings: list[float]) -> Self:
-        """Return the stripe directions of a preset. spacings : metres, for each family."""
+        """Return the stripe directions of a preset. spacings : distance of stripes of each family, metres."""
         symmetry = _symmetry(preset, surface, statics)
         sigma = followed_stress(preset, surface, statics)
         stress = StressDirections(*principal_stresses(surface, symmetry.mean_stress(sigma) if symmetry else sigma))
@@ -100,11 +100,11 @@ class StripeDirections:
 
     @cached_property
     def gradients(self) -> tuple[Floats, Floats]:
-        """Directions (n, 3) of the gradients of the major and of the minor phase."""
+        """Directions (n, 3) across the major stripes and across the minor stripes: the gradients of their phases."""
         return cross(self.frames.normal, self.along), self.along
 
     def steered_with_members(self, families: Sequence[FamilyLines]) -> StripeSteering | None:
-        """Return the changes of stripe directions, with notes on guide curves that become members."""
+        """Return `steered`, with notes on guide curves that become members. families : lines of the two families."""
         if self.steered is None or not self.members:
             return self.steered
         surface, messages = self.frames.surface, [self.steered.told] * bool(self.steered.told)
@@ -119,20 +119,23 @@ class StripeDirections:
 def _member_message(line: GuideLine, share: float, across: bool) -> str:
     key = f"pattern.guide.{line.number}"
     other_family = FAMILIES[1 - FAMILIES.index(line.family)]
-    hint = f"; the {other_family} family already runs along this curve: family = '{other_family}' bends members less"
+    hint = (
+        f"; stripes of the {other_family} family already run along this curve: family = '{other_family}' bends "
+        f"members less"
+    )
     hint = hint if across else ""
     if share >= 0.995:  # a few points of the curve may lie outside the member
         return f"a {line.family} member follows the whole curve of {key}{hint}"
     return (
         f"a {line.family} member follows only {share:.0%} of the curve of {key}, because of another guide, an edge "
-        f"or a point around which stripes turn; move the curve{hint}"
+        f"or a point around which stripes turn; move this curve{hint}"
     )
 
 
 def stripe_directions(
     options: Pattern, frames: Frames, stress: StressDirections, steer: Steering, images: Images, length: float
 ) -> tuple[Floats, Bools]:
-    """Return directions (n, 3) of the major stripes, and a mask (n,).
+    """Return directions (n, 3) of the major stripes, and a mask (n,) of vertices.
     The mask is True where major stripes follow the minor principal stress. length : smoothing length, metres."""
 
     def smooth(stress: StressDirections, length: float) -> Floats:
@@ -173,9 +176,9 @@ def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Image
 @dataclass(frozen=True, eq=False)
 class FamilyCourse:
     """Directions and density of a family of stripes.
-    g      : (n, 3) direction of the phase gradient.    u : (n,) logarithm of the relative line density.
-    halved : removals of every second line.    members : guide curves that become members.
-    start  : (n,) weight of each vertex when the phase is chosen."""
+    g      : (n, 3) direction across the stripes.    u : (n,) logarithm of the relative number of lines per metre.
+    halved : wanted halvings (removals of every second line).    members : guide curves that become members.
+    start  : (n,) weight of each vertex in the choice of the phase; large where the stress is large."""
 
     follow: StripeDirections
     g: Floats
@@ -186,7 +189,7 @@ class FamilyCourse:
 
     @classmethod
     def for_family(cls, directions: StripeDirections, name: str, halve: bool) -> Self:
-        """Return directions and density of a family. halve : True if every second line may end."""
+        """Return directions and density of the family `name`. halve : True if every second line may end."""
         g = directions.gradients[FAMILIES.index(name)]
         surface = directions.frames.surface
         size = vertex_means(surface, np.abs(directions.given.stress).max(axis=1))
@@ -196,15 +199,15 @@ class FamilyCourse:
 
     @property
     def without_halving(self) -> Self:
-        """The same family, without lines that end early."""
+        """A copy of the family without halvings (removals of every second line)."""
         return replace(self, halved=halving(self.u, self.follow.frames.surface.vertex_areas, allowed=False))
 
     def lines(self, spacing: float) -> FamilyLines:
-        """Return the centre lines of the family. spacing : mean distance of lines, metres."""
+        """Return the centre lines of the family. spacing : mean distance of neighbouring lines, metres."""
         frames, images, halvings = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
-        coarse = Flow(frames, self.g, finest / 2**halvings)  # only the lines that remain after all halvings
+        coarse = Flow(frames, self.g, finest / 2**halvings)  # flow of the lines that remain after all halvings
         locked_to_guides, aim = guide_phases(self.members, frames, self.g, coarse.density)
         lock = locked_to_guides | boundary_lines(surface, self.g, spacing)
         conditions = self.start, lock, images.projection(surface.V, self.g, coarse.density), aim
@@ -229,7 +232,7 @@ def _movement(preset: Preset, surface: Surface, statics: StaticsResult) -> Float
 
 
 def no_lines(surface: Surface, spacing: float) -> FamilyLines:
-    """Return `FamilyLines` without lines. spacing : metres."""
+    """Return `FamilyLines` for a family that has no lines. spacing : nominal distance of lines, metres."""
     sides = (surface.m, 3)
     phase = CornerPhase(np.zeros(surface.n), np.ones(sides), np.zeros(sides), np.ones(surface.m, dtype=bool))
     return FamilyLines(phase, 0, np.zeros(surface.m), np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)
@@ -250,14 +253,14 @@ def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floa
 
 
 def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -> bool:
-    """Return True if the pattern follows the membrane stress, without bending."""
+    """Return True if the pattern follows only membrane stress, and no bending stress."""
     cases = [statics.cases[name] for name in preset.followed_weights]
     return all(case.layered is None for case in cases) and not is_slab(surface, [case.answers for case in cases])
 
 
 def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) -> StaticsResult:
-    """Return statics of the stiffest sheet of varying thickness. Raises PatternError if the sheet bends.
-    Stress is the force in this sheet divided by the preset's thickness."""
+    """Return statics of the stiffest sheet of varying thickness. Raises PatternError if the pattern follows bending.
+    The stress is the membrane force of this sheet, divided by the preset's thickness."""
     if not follows_membrane(preset, surface, statics):
         raise PatternError(
             'pattern.forces = "optimal" needs membrane forces, but this pattern follows bending; set '
@@ -290,7 +293,7 @@ def same_stripes(earlier: Pattern, current: Pattern) -> bool:
 
 def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> EvenStripes:
     """Return the evenly spaced stripes of a preset.
-    Raises PatternError if the stress is zero, or if a spacing does not suit the mesh."""
+    Raises PatternError if the stress is zero, or if a spacing is too small for the mesh or too large."""
     options = preset.pattern
     if options.forces == "optimal":
         statics = optimal_statics(preset, surface, statics)
@@ -337,7 +340,8 @@ def _refuse_impossible(name: str, spacing: float, surface: Surface) -> None:
     if spacing < FINEST * surface.mean_edge:
         raise PatternError(
             f"pattern.{name}.spacing = {spacing:.4g} m is too fine for this mesh, whose mean edge length is "
-            f"{surface.mean_edge:.3g} m; set {_digits(FINEST * surface.mean_edge)} m or more, or make the mesh finer "
+            f"{surface.mean_edge:.3g} m; set a spacing of {_digits(FINEST * surface.mean_edge)} m or more, or make "
+            f"the mesh finer "
             "(surface.edge or surface.refine)"
         )
     if spacing > surface.size:
@@ -347,8 +351,8 @@ def _refuse_impossible(name: str, spacing: float, surface: Surface) -> None:
 def _too_far_error(name: str, spacing: float, surface: Surface) -> PatternError:
     default = Family().distance(surface.area, surface.mean_edge)
     return PatternError(
-        f"pattern.{name}.spacing = {spacing:.4g} m is too large for two stripes on this surface, which is "
-        f"{surface.size:.3g} m from corner to corner; the default is {default:.2g} m{_as_millimetres(spacing, surface)}"
+        f"pattern.{name}.spacing = {spacing:.4g} m is too large for two stripes on this surface, whose bounding box "
+        f"has a diagonal of {surface.size:.3g} m; the default is {default:.2g} m{_as_millimetres(spacing, surface)}"
     )
 
 

@@ -25,12 +25,12 @@ LOAD_DURATIONS: dict[str, "Duration"] = {
     "imposed H": "short",
     "wind": "short",
 }
-"""Duration class of loads by action [EN 1995-1-1, table 2.2]. Snow and actions that are not listed are medium-term."""
+"""Duration class of loads by kind of action [EN 1995-1-1, table 2.2]. Snow and unlisted actions are medium-term."""
 
 
 def member_utilisation(preset: Preset, graph: "MemberGraph", forces: Mapping[str, "MemberForces"]) -> "Utilisation":
-    """Return the forces in members divided by their resistance.
-    Raises StaticsError if there is neither a material nor a strength."""
+    """Return utilisation: forces in members, divided by the resistance. graph : members and nodes.
+    Raises StaticsError if the preset has neither a material nor a strength."""
     from dsfab.members.eurocode import MemberBays, utilisation
 
     bays = MemberBays.from_forces(graph, forces, preset.statics.thickness)
@@ -39,7 +39,7 @@ def member_utilisation(preset: Preset, graph: "MemberGraph", forces: Mapping[str
 
 
 def eurocode_rules(preset: Preset, cases: tuple[str, ...]) -> "Rules":
-    """Return the Eurocode rules of a preset."""
+    """Return the values for Eurocode checks of a preset. cases : names of load cases and combinations."""
     from dsfab.members.eurocode import Rules, SteelFactors, TimberFactors
 
     section, options = preset.statics, preset.eurocode
@@ -54,8 +54,10 @@ def eurocode_rules(preset: Preset, cases: tuple[str, ...]) -> "Rules":
 def _load_description(preset: Preset, cases: tuple[str, ...]) -> str:
     judged = preset.judged_in("ULS", cases)
     if preset.surface.sums:
-        return f"Members are checked in {len(judged)} cases and combinations, with the factors in the preset."
-    return "Loads are those of the preset without partial factors: it has no combinations (surface.combinations)."
+        return (
+            f"Members are checked in {len(judged)} load cases and combinations, with the partial factors in the preset."
+        )
+    return "Loads have no partial factors, because the preset has no combinations (surface.combinations)."
 
 
 def _duration(preset: Preset, name: str) -> "Duration":
@@ -78,7 +80,7 @@ def _case_duration(preset: Preset, case: str) -> "Duration":
 
 
 class ActionCase(NamedTuple):
-    """Loads of a case that belong to a single kind of action: permanent, snow, wind or variable."""
+    """Loads of the load case `case` that have the same kind of action: permanent, snow, wind or variable."""
 
     case: str
     action: str
@@ -86,7 +88,7 @@ class ActionCase(NamedTuple):
 
 
 def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> dict[str, ActionCase]:
-    """Return the load cases of a preset by name, each with a single kind of action."""
+    """Return the load cases of a preset by name. A case with several kinds of action is divided, one part per kind."""
     acting, actions = acting_on(preset, surface).load, preset.surface.actions
     cases = {name: entry.load for name, entry in statics.cases.items() if entry.factors is None}
     separate, result = loads_by_action(acting, actions), dict[str, ActionCase]()
@@ -115,7 +117,7 @@ def beam_model(
     loads: Mapping[str, LoadCase],
 ) -> "Frame":
     """Return the beam model of a cut sheet with its members.
-    cases : loads by kind of action.    loads : the same loads on the cut sheet, by the same names.
+    graph : members and nodes.    cases : loads of the uncut sheet.    loads : the same loads on the cut sheet.
     Raises StaticsError if no member has an axis."""
     from dsfab.members.frame import BeamMaterial, frame_of
 
@@ -134,7 +136,7 @@ def beam_model(
 def beam_agreement(
     preset: Preset, sheet: Surface, graph: "MemberGraph", frame: "Frame", loads: Mapping[str, LoadCase]
 ) -> list["FrameAgreement"]:
-    """Compare the beam model with the cut sheet under each of the loads.
+    """Compare compliance and displacement of the beam model `frame` with the cut sheet, under each load.
     Raises StaticsError if the supports do not hold the beams or the sheet."""
     from dsfab.members.frame import agreement, solve_frame
 
@@ -153,7 +155,7 @@ def beam_agreement(
 def _sheet_and_bar_answers(
     model: SheetModel, loads: Mapping[str, LoadCase]
 ) -> tuple[Mapping[str, Equilibrium], Mapping[str, Equilibrium]]:
-    """Return results by load, of ribs that twist like sheets, then like bars."""
+    """Return two sets of results by load: ribs with the torsional stiffness of sheets, then of bars."""
     try:
         as_bars = solve_for(model, loads, "displacement", bars=True)
     except StaticsError:

@@ -29,16 +29,16 @@ from dsfab.slicing import Sheet
 from dsfab.surface import Surface
 
 EXCHANGEABLE_RULES = ("constant", "graded")  # Width rules that the search may replace, if a solid fraction is set.
-SPACINGS = (0.75, 1.25)  # Factors on the default spacings of stripes; the search also tries these spacings.
+SPACINGS = (0.75, 1.25)  # The search also tries the default spacing of stripes times these factors.
 
 
 @dataclass(frozen=True, eq=False)
 class MethodCandidate:
-    """A pattern method as a candidate of the search.
-    preset  : preset with chosen values for `auto`.    attempt : name and measured values of the trial.
-    choice  : tried modes and phases, best first, or None. even : evenly spaced stripes, or None.
+    """A candidate of the search: a pattern method with options, and results of its trial.
+    preset  : preset with chosen values in place of `auto`.    attempt : name and measured values of the trial.
+    choice  : tried modes and phases, best first, or None.    even : evenly spaced stripes, or None.
     sheet   : cut sheet; None before the trial, or if the trial failed.
-    grading : (n, f) relative half-width of f families at n vertices, or None."""
+    grading : (n, f) relative half-widths of f families of stripes at n vertices, or None."""
 
     preset: Preset
     attempt: Attempt
@@ -58,7 +58,7 @@ def _stiffest(candidates: list[MethodCandidate]) -> MethodCandidate | None:
 def stressed_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best evenly spaced stripes and the best stripes from modes, with the width rule `stressed`."""
+    """Yield the best evenly spaced candidate and the best candidate from modes, with the width rule `stressed`."""
     if not _exchangeable(preset.pattern.width):
         return
     for method in ("stripes", "modes"):
@@ -80,7 +80,7 @@ def stressed_candidates(
 def optimal_force_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the stiffest evenly spaced candidate, drawn again along optimal forces."""
+    """Yield the best evenly spaced candidate, drawn again along the membrane forces of the stiffest sheet."""
     options = preset.pattern
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
     if not stiffest or not _exchangeable(options.width) or options.is_steered:
@@ -102,7 +102,7 @@ def optimal_force_candidates(
 def respaced_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best evenly spaced stripes with larger and smaller spacings."""
+    """Yield variants of the best evenly spaced candidate with larger and smaller distances of stripes."""
     stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
     if not stiffest or not preset.pattern.width.solid_fraction:
         return
@@ -135,7 +135,7 @@ def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple
 
 
 def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) -> MethodCandidate:
-    """Return a candidate with the results of cutting and solving."""
+    """Cut and solve a candidate in the same way as a build; return the candidate with measured results."""
     preset = candidate.preset.model_copy(update={"slicing": Slicing()})
     trial, log = Trial(preset, analysis, candidate.even), Log(None)
     try:
@@ -155,8 +155,8 @@ def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) ->
 def uncrowded_candidate(
     candidate: MethodCandidate, analysis: StressedSurface, draw: Callable[[Preset], MethodCandidate], progress: Progress
 ) -> MethodCandidate:
-    """Return `candidate`, or a better candidate if filled openings form a plate (an area without openings).
-    draw : function that returns the stripes of a preset, without widths."""
+    """Return `candidate`, or a better variant if filled openings of `candidate` form a plate (area without openings).
+    draw : function that returns a candidate with the stripes of a preset, without widths."""
     surface, options, pattern = analysis.surface, candidate.preset.pattern, candidate.drawn
     trial = pattern and (pattern.trial or trial_cut(candidate.preset, surface, pattern))
     cells = trial and (trial.cells, trial.latest.cells)
@@ -177,13 +177,16 @@ def uncrowded_candidate(
     listed = "; ".join(_attempt_description(candidate.attempt) for candidate in candidates)
     outcome = f"dsfab took {selected.attempt.name} instead"
     if selected is candidates[0]:
-        selected, outcome = candidate, "no other pattern has fewer flaws, or is stiffer with equal flaws"
-    note = Note("pattern", f"{plate.message}: {outcome}; compliance relative to the uncut sheet: {listed}")
+        selected, outcome = candidate, "no other pattern has fewer flaws, and no pattern with equal flaws is stiffer"
+    note = Note(
+        "pattern",
+        f"{plate.message}: {outcome}; compliance of each tried pattern, divided by that of the uncut sheet: {listed}",
+    )
     return replace(selected, preset=selected.preset.with_pattern(crowding="note"), notes=(*selected.notes, note))
 
 
 def uncrowded_changes(design: DesignDraft, plate: FilledOpenings) -> Iterator[dict[str, object]]:
-    """Yield up to four changes of [pattern] that may prevent a plate (an area without openings)."""
+    """Yield changes of [pattern], as values by key, that may prevent `plate`: an area whose openings were filled."""
     options, surface, load = design.preset.pattern, design.surface, design.statics.load
     spacings = {name: getattr(options, name).distance(surface.area, surface.mean_edge) for name in options.family_names}
     distance = np.linalg.norm(surface.V[load.supported | load.loaded] - plate.place, axis=1).min(initial=np.inf)
@@ -199,7 +202,7 @@ def uncrowded_changes(design: DesignDraft, plate: FilledOpenings) -> Iterator[di
 
 
 def methods(preset: Preset) -> list[tuple[str, bool]]:
-    """Return the pattern methods to try, as pairs (name, halve). halve : True if every second stripe may end."""
+    """Return the pattern methods to try, as pairs (name, halve). With `halve`, every second stripe may end."""
     halved = [("stripes", True)] if preset.pattern.may_halve else []
     modes = [] if preset.pattern.is_steered else [("modes", preset.pattern.halve)]  # modes cannot follow guides
     return [*halved, ("stripes", False), *modes]
@@ -208,7 +211,7 @@ def methods(preset: Preset) -> list[tuple[str, bool]]:
 def method_candidates(
     preset: Preset, analysis: StressedSurface, log: Log, method: str, halve: bool
 ) -> Iterator[MethodCandidate]:
-    """Yield a candidate for each width rule with a pattern method, "stripes" or "modes".
+    """Yield a candidate for each width rule. method : pattern method, "stripes" or "modes".
     halve : True if every second stripe may end."""
     title = {"modes": "modes", "stripes": "halved stripes" if halve else "stripes"}[method]
     variant_preset = preset.with_pattern(method=method, halve=halve, weight_rounds=0)
@@ -273,7 +276,7 @@ NEAR_BEST = 0.1  # Candidates with a compliance up to 10 % above the smallest ar
 
 
 def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[MethodCandidate, tuple[Attempt, ...]]:
-    """Return the best candidate for the pattern method, and all attempts, best first.
+    """Return the best candidate for the pattern method `auto`, and the results of all trials, best first.
     Raises PatternError if no candidate carries its loads."""
     candidates: list[MethodCandidate] = []
     for method, halve in methods(preset):
@@ -293,7 +296,11 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
         )
     log.notes.extend(stiffest.notes)
     listed = "; ".join(_attempt_description(candidate.attempt) for candidate in candidates)
-    log.note("pattern", f"method auto chose {stiffest.attempt.name}; compliance relative to the uncut sheet: {listed}")
+    log.note(
+        "pattern",
+        f"pattern.method = 'auto' chose {stiffest.attempt.name}; compliance of each method, divided "
+        f"by that of the uncut sheet: {listed}",
+    )
     return stiffest, tuple(candidate.attempt for candidate in ranked)
 
 

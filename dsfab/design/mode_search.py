@@ -33,7 +33,8 @@ SHARE_TOLERANCE = 2e-3  # Largest error of the solid fraction when the search cu
 
 
 class CarryingSheet(NamedTuple):
-    """A cut sheet that carries its loads. cells : all cells of the cut.    sheet : material that reaches a support."""
+    """A cut sheet that carries its loads. cells : material and openings.    sheet : pieces that reach a support.
+    kept : material / area of the surface.    whole : part of the material in the largest supported piece."""
 
     cells: Sheet
     sheet: Sheet
@@ -44,7 +45,7 @@ class CarryingSheet(NamedTuple):
 
 
 class TrialResult(NamedTuple):
-    """Result of a trial: candidate, pattern, sheet that carries the loads, and all cells of the cut."""
+    """Result of a trial. sheet : material that carries the loads.    cells : all cells: material and openings."""
 
     candidate: Candidate
     pattern: PatternResult
@@ -53,7 +54,7 @@ class TrialResult(NamedTuple):
 
 
 class Trial:
-    """Trials of patterns on one surface. even : evenly spaced stripes; None for stripes from modes."""
+    """Cuts and solves trial patterns on a surface. even : evenly spaced stripes; None for stripes from modes."""
 
     def __init__(self, preset: Preset, analysis: StressedSurface, even: EvenStripes | None = None) -> None:
         self.preset, self.given, self.surface, self.even = preset, analysis, analysis.surface, even
@@ -68,15 +69,15 @@ class Trial:
         return self.compliance(self.surface, self.loads)
 
     def candidate(self, mode: tuple[int, int], phase: tuple[float, float]) -> Candidate:
-        """Return the result for these modes and phases (major, minor). A failure is recorded in `refused`."""
+        """Try the modes and phases of major and minor stripes. `refused` in the result states why a trial failed."""
         try:
             return self.result(self.preset.with_modes(mode, phase)).candidate
         except DsfabError as error:
             return Candidate(mode, phase, refused=str(error))
 
     def result(self, preset: Preset, grading: Floats | None = None) -> TrialResult:
-        """Return the result for the pattern of a preset. Raises DsfabError if the sheet does not carry the loads.
-        grading : (n, f) relative half-widths of f families at n vertices."""
+        """Try the pattern of a preset. Raises DsfabError if the sheet does not carry the loads.
+        grading : (n, f) relative half-widths of f families of stripes at n vertices."""
         options = preset.pattern
         families, layers = self._layers(preset, grading)
         carrying = self.carrying(layers)
@@ -88,7 +89,7 @@ class Trial:
         return TrialResult(candidate, pattern, carrying.sheet, carrying.cells)
 
     def carrying(self, layers: Sequence[Layer]) -> "CarryingSheet":
-        """Return the sheet after a cut along `layers`. Raises DsfabError if the loads are not carried."""
+        """Cut the surface along `layers`; return the sheet. Raises DsfabError if the sheet does not carry the loads."""
         surface = self.surface
         tidy = tidy_of(self.preset, self.given, layers)
         fields, levels = [layer.field for layer in layers], [layer.levels for layer in layers]
@@ -126,7 +127,7 @@ class Trial:
         return families, layers
 
     def compliance(self, surface: Surface, loads: dict[str, LoadCase], use: Quantity | Aid = "ranking") -> float:
-        """Return the weighted sum of the compliances under `loads`, joules."""
+        """Return the weighted sum of the compliances under `loads`, joules. use : required accuracy."""
         answers = solve_for(self.preset.statics.sheet().model_for(surface), loads, use)
         return sum(weight * answers[name].compliance for name, weight in self.preset.followed_weights.items())
 
@@ -135,8 +136,8 @@ LEAST_HALF_WIDTH, MOST_HALF_WIDTH = 0.01, 0.55  # Limits of the half-widths of s
 
 
 class WidthStep(NamedTuple):
-    """Trial of the width rule `stressed`. worth : compliance (J) times share of material; small is good.
-    grading, after : relative half-widths of this trial, and for the next trial."""
+    """Trial of the width rule `stressed`. worth : compliance (J) times fraction of material; small is good.
+    grading, after : relative half-widths of stripes in this trial, and for the next trial."""
 
     worth: float
     grading: Floats
@@ -146,27 +147,27 @@ class WidthStep(NamedTuple):
 def stressed_step(
     preset: Preset, analysis: StressedSurface, log: Log, even: EvenStripes | None = None
 ) -> Floats | None:
-    """Return the best relative half-widths (n, 2) of major and minor stripes; None if the first trial fails."""
+    """Return the best relative half-widths (n, f) of f families of stripes; None if the first trial fails."""
     steps = _steps(StressedTrial(preset, analysis, even), log)
     if not steps:
         return None
     stiffest = min(steps, key=lambda step: step.worth)
     log.note(
         "pattern",
-        f"with the width rule 'stressed', after {len(steps)} steps, the sheet has "
-        f"{1 - stiffest.worth / steps[0].worth:.0%} less compliance than with graded widths",
+        f"after {len(steps)} steps of the width rule 'stressed', the compliance of the sheet is "
+        f"{1 - stiffest.worth / steps[0].worth:.0%} smaller than with graded widths",
     )
     return stiffest.grading
 
 
 def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice: Choice) -> Choice:
-    """Return the choice with a new first candidate, the best one with the width rule `stressed`."""
+    """Return the candidates of `choice`, in new order: first the stiffest with the width rule `stressed`."""
     leading: dict[tuple[int, int], Candidate] = {}
     for candidate in choice.candidates:
         leading.setdefault(candidate.mode, candidate)
     carry = {mode: candidate for mode, candidate in leading.items() if not candidate.refused}
     finalists = list(carry.values())[:3]
-    finalists = list(dict.fromkeys([*finalists, carry[min(carry)]]))  # `stressed` may help the lowest modes most
+    finalists = list(dict.fromkeys([*finalists, carry[min(carry)]]))  # the lowest mode may gain most from `stressed`
     if len(finalists) < 2:
         return choice
 
@@ -178,8 +179,8 @@ def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice:
     stiffest = min(finalists, key=worth)
     log.note(
         "pattern",
-        f"modes {stiffest.mode[0]} and {stiffest.mode[1]} with phases {stiffest.phase[0]:g} and "
-        f"{stiffest.phase[1]:g} are the stiffest of {len(finalists)} pairs with the width rule 'stressed'",
+        f"modes {stiffest.mode[0]} and {stiffest.mode[1]} with phases {stiffest.phase[0]:g} and {stiffest.phase[1]:g} "
+        f"give the stiffest design of {len(finalists)} pairs with the width rule 'stressed'",
     )
     return Choice((stiffest, *(candidate for candidate in choice.candidates if candidate is not stiffest)))
 
@@ -200,7 +201,7 @@ def _steps(trial: "StressedTrial", log: Log) -> list[WidthStep]:
 
 
 class StressedTrial(Trial):
-    """Trials of widths of members."""
+    """Trials of the width rule `stressed`, which adapts the widths of members in steps."""
 
     def __init__(self, preset: Preset, analysis: StressedSurface, even: EvenStripes | None = None) -> None:
         super().__init__(preset, analysis, even)
@@ -212,7 +213,7 @@ class StressedTrial(Trial):
         self.factor = self.added = 0.0
 
     def step(self, grading: Floats) -> WidthStep:
-        """Return the result for relative half-widths `grading` (n, f) of f families, and the next half-widths.
+        """Try relative half-widths `grading` (n, f) of f families of stripes; compute the next half-widths.
         Raises DsfabError if the sheet does not carry the loads."""
         families = [family.with_stress(g) for family, g in zip(self.families, grading.T, strict=True)]
         search = WidthSearch(self._share, SHARE_TOLERANCE, self.factor, added=self.added)
@@ -220,7 +221,7 @@ class StressedTrial(Trial):
         carrying = self.carrying(layers)
         options = self.preset.pattern
         requested = options.width.solid_fraction
-        if options.forces == "optimal":  # `added` corrects `_share`, which counts ends that are removed later
+        if options.forces == "optimal":  # `added` corrects `_share` for stripe ends that are removed later
             self.added = float(np.clip(self.added + carrying.kept - requested, -0.1, 0.1))
         names = np.array([layer.name for layer in layers])
         K = self.stiffness(carrying.sheet.surface, self.loads_on(carrying.sheet))
@@ -246,20 +247,20 @@ class StressedTrial(Trial):
 
 
 START = (0.25, 0.0, 0.5, 0.75)
-"""Phases that the search tries first if it chooses the modes of both families. Both families get the same phase.
-Pairs with mode 1 are tried with all four phases, other pairs only with the first phase."""
+"""First phases to try, in periods, if the search chooses the modes of both families. Both families get equal phases.
+The search tries all four phases for pairs of modes with mode 1, and only the first phase for further pairs."""
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
-"""Phases that the search tries first, in all combinations: GRID[k] if the search chooses the modes of k families."""
-TOGETHER = ((1, 1), (-1, -1))  # Equal changes of both phases, in units of the step in `ROUNDS`.
-AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Changes of major and minor phase, in the same unit.
+"""First phases to try, in periods. If the search chooses the mode of k families, it combines all phases in GRID[k]."""
+TOGETHER = ((1, 1), (-1, -1))  # Equal changes of both phases, in steps of `ROUNDS`.
+AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Changes of major and minor phase, in steps of `ROUNDS`.
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
-"""Later rounds of the search: number of best pairs of modes, step of the phases (periods), and changes / step."""
+"""For each later round: number of mode pairs, step of the phases (periods), and phase changes in units of this step."""
 CONNECTED_SHARE = 0.98  # Designs whose largest supported piece has a smaller share of the material rank last.
 ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]  # Modes and phases of both families.
 
 
 def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
-    """Return all tried candidates for the modes and phases that are `auto`, the best first.
+    """Search modes and phases for preset values that are `auto`; return all tried candidates, best first.
     Raises PatternError if no candidate carries the loads."""
     candidates: dict[ModesAndPhases, Candidate] = {}
     with log.row("choice"):
@@ -277,15 +278,15 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
     stiffest = ranked[0]
     if stiffest.refused:
         raise PatternError(
-            f"none of {refused} combinations of modes and phases carries the loads; reason for the first: "
+            f"none of {refused} combinations of modes and phases carries the loads; reason for the first combination: "
             f"{stiffest.refused}; set pattern.rim, increase pattern.keep or pattern.width.solid_fraction, or choose "
             "other frequencies"
         )
     log.note(
         "pattern",
-        f"modes {stiffest.mode[0]} and {stiffest.mode[1]} with phases {stiffest.phase[0]:g} and "
-        f"{stiffest.phase[1]:g} are the stiffest of {len(ranked)} tried, with about {stiffest.over_uncut:.3g} times "
-        "the compliance of the uncut sheet",
+        f"modes {stiffest.mode[0]} and {stiffest.mode[1]} with phases {stiffest.phase[0]:g} and {stiffest.phase[1]:g} "
+        f"give the stiffest of {len(ranked)} tried designs, with about {stiffest.over_uncut:.3g} times the compliance "
+        f"of the uncut sheet",
     )
     choice = Choice(ranked)
     if preset.pattern.width.rule == "stressed":

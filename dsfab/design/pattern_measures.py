@@ -24,11 +24,11 @@ from dsfab.surface import Surface, centroid, link_components, nearest_places, we
 from dsfab.surface.fields import CornerField, DividedField
 
 R2 = np.array([0.7548776662466927, 0.5698402909980532])
-"""Steps of a sequence that fills the unit square evenly: 1 / g and 1 / g^2, with g^3 = g + 1 [Roberts 2018]."""
+"""Steps of points that fill the unit square evenly: 1 / g and 1 / g^2, with g^3 = g + 1 [Roberts 2018]."""
 
 
 class PatternedDesign(Protocol):
-    """A design, or its results up to the pattern."""
+    """A `Design`, or a `DesignDraft`: results up to the pattern."""
 
     @property
     def preset(self) -> Preset: ...
@@ -43,7 +43,7 @@ class PatternedDesign(Protocol):
 
 
 class DesignDraft(NamedTuple):
-    """Results of a design up to its pattern."""
+    """Results of the stages of a design up to the pattern."""
 
     preset: Preset
     surface: Surface
@@ -56,9 +56,9 @@ def measured_pattern(
     design: PatternedDesign, symmetry: bool = True, cells: Sheet | None = None, sheet: Sheet | None = None
 ) -> PatternQuality:
     """Return the quality of a pattern.
-    symmetry : True to measure the symmetry error, which takes longest.
-    cells    : all cells of the cut; None before the cut.
-    sheet    : the sheet after slicing; default: all material of `cells`."""
+    symmetry : True to measure the symmetry error, too, which takes longest.
+    cells    : all cells of the cut surface (material and openings); None before the cut.
+    sheet    : the cut sheet; default: all material of `cells`."""
     chart = pattern_chart(design)
     stripes = pattern_on_chart(design.surface, chart, design.pattern)
     followed = followed_directions(design)
@@ -120,7 +120,7 @@ def stripes_on_chart(design: PatternedDesign) -> StripeChart:
 
 
 def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternResult) -> Chart:
-    """Return the surface with the phases (n, 2) of stripes from modes."""
+    """Return the surface with the phases (n, 2) of major and minor stripes, for a pattern from diffusion modes."""
     modes = zip((diffusion.major, diffusion.minor), pattern.mode, strict=True)
     x = np.stack([family.mode(number) for family, number in modes], axis=1)
     z = x * np.array(pattern.frequency) + np.array(pattern.phase)
@@ -128,7 +128,7 @@ def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternRe
 
 
 def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> StripeChart:
-    """Return the stripes of a pattern. chart : phases of the stripes."""
+    """Return the stripes of a pattern, with their widths. chart : mesh with the phases of the stripes."""
     d = np.stack([pattern.half_width(name) for name in FAMILIES], axis=1)
     kept_height = np.full(surface.n, -1.0)
     for name, x, levels in zip(pattern.names, pattern.fields, pattern.levels, strict=True):
@@ -140,7 +140,7 @@ def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> 
 
 
 def followed_directions(design: PatternedDesign) -> StressDirections:
-    """Return the directions that stripes follow on each face, and the stress along these directions."""
+    """Return the directions that major and minor stripes follow on each face, and the stress in these directions."""
     preset = design.preset
     stress, direction = principal_stresses(design.surface, followed_stress(preset, design.surface, design.statics))
     if design.pattern.even is None and preset.diffusion.labelling == "magnitude":
@@ -158,25 +158,25 @@ def followed_directions(design: PatternedDesign) -> StressDirections:
 
 
 def roles_of_families(design: PatternedDesign) -> tuple[FamilyRole, FamilyRole]:
-    """Return the roles of the major and the minor family, such as arches or hoops."""
+    """Return the structural roles of the major and the minor stripes, such as arches or hoops."""
     if design.preset.pattern.rotate or design.preset.combines:
         return FamilyRole("major"), FamilyRole("minor")
     return family_roles(design.surface, followed_directions(design))
 
 
 def one_family_message(roles: tuple[FamilyRole, FamilyRole], families: str) -> str:
-    """Return a warning if the pattern lacks the arches that carry the loads; else ''."""
+    """Return a warning if the pattern omits the family of stripes that forms load-carrying arches; else ''."""
     drawn_role, omitted_role = sorted(roles, key=lambda role: role.key != families)
     if families == "both" or omitted_role.shape != "arches":
         return ""
     return (
-        f"pattern.families = '{families}' draws only the {drawn_role.title}, without the {omitted_role.title} that "
-        f"carry the loads to the supports: set pattern.families = '{omitted_role.key}' or 'both'"
+        f"pattern.families = '{families}' draws only the {drawn_role.title}, but the {omitted_role.title} carry the "
+        f"loads to the supports: set pattern.families = '{omitted_role.key}' or 'both'"
     )
 
 
 def used_symmetry(design: PatternedDesign) -> Symmetry | None:
-    """Return the mirrors and rotations that the pattern must have, or None."""
+    """Return the mirrors and rotations under which the pattern must be symmetric, or None."""
     if design.pattern.even is not None:
         return design.pattern.even.symmetry
     words = design.preset.diffusion.symmetry
@@ -185,12 +185,12 @@ def used_symmetry(design: PatternedDesign) -> Symmetry | None:
 
 
 def symmetry_error(surface: Surface, stripes: StripeChart, symmetry: Symmetry) -> float:
-    """Return the share of the uncut surface where stripes differ from their symmetric image."""
+    """Return the fraction of the uncut surface where the stripes differ from their image under `symmetry`."""
     return _asymmetric_share(surface, stripes.surface, symmetry, partial(_is_material, stripes))
 
 
 def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
-    """Return the share of the area where the material of a cut sheet differs from its symmetric image."""
+    """Return the fraction of the surface where the material after the cut differs from its image under `symmetry`."""
     V, F = cells.surface.V, cells.surface.F
     return _asymmetric_share(
         surface, cells.surface, symmetry, lambda points: cells.material[nearest_places(points, V, F).simplex]
@@ -221,9 +221,9 @@ def _is_material(stripes: StripeChart, points: Floats) -> Bools:
 
 
 def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> FilledOpenings | None:
-    """Return the largest group of openings that finishing filled, or None.
-    apart  : largest distance of neighbours, metres.
-    before, after : cells before and after finishing.    samples : places to check per opening."""
+    """Return the largest group of neighbouring openings that finishing filled, or None.
+    apart  : largest distance of neighbouring openings, metres.
+    before, after : cells before and after finishing.    samples : number of tested points in each opening."""
     openings = openings_of(before)
     if openings is None:
         return None
@@ -246,7 +246,7 @@ def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3)
 def merged_members(options: Pattern, surface: Surface, pattern: PatternResult) -> FilledOpenings | None:
     """Return the largest area where neighbouring members touch, for a pattern of a single family, or None."""
     if options.families == "both":
-        return None  # `largest_filling` counts filled openings between two families
+        return None  # for two families, `largest_filling` measures the filled openings
     touch = pattern.half_width(options.families) >= SOLID
     layers = map(Layer, pattern.names, pattern.fields, pattern.levels, pattern.half_widths)
     kept_layers = [layer for layer in layers if layer.name not in FAMILIES]

@@ -25,13 +25,15 @@ from dsfab.surface import LoadParts, Surface
 
 
 def stripes_under_own_weight(preset: Preset, analysis: StressedSurface, log: Log) -> EvenStripes:
-    """Return evenly spaced stripes along the stress under the weight of the stripes."""
+    """Return evenly spaced stripes along the stress; the load includes the stripes' weight, not the uncut sheet's."""
     log.report("pattern", "finding evenly spaced stripes along the stress")
     surface, statics = analysis.surface, analysis.statics
     even = even_stripes(preset.with_pattern(weight_rounds=0), surface, statics)
     rounds = preset.pattern.rounds
     if rounds and not _follows_own_weight(preset, statics):
-        log.note("pattern", f"weight_rounds = {rounds} changes nothing: no load is the sheet's own weight")
+        log.note(
+            "pattern", f"weight_rounds = {rounds} has no effect, because the sheet's own weight is not among the loads"
+        )
         return even
     lighter: StaticsResult | None = None
     for _ in range(rounds):
@@ -48,9 +50,9 @@ def stripes_under_own_weight(preset: Preset, analysis: StressedSurface, log: Log
         mean_turn, largest_turn = direction_change(surface, *stresses)
         log.note(
             "pattern",
-            f"directions follow the stress under the weight of the stripes ({share @ surface.areas / surface.area:.0%} "
-            f"of the uncut sheet's weight); this turned directions by {mean_turn:.2g} degrees on average, by at "
-            f"most {largest_turn:.2g} degrees on 95 % of the surface",
+            f"directions of stripes follow the stress under the weight of the stripes "
+            f"({share @ surface.areas / surface.area:.0%} of the uncut sheet's weight). Directions turned by "
+            f"{mean_turn:.2g} degrees on average, and by at most {largest_turn:.2g} degrees on 95 % of the surface",
         )
     return even
 
@@ -61,7 +63,7 @@ def _follows_own_weight(preset: Preset, statics: StaticsResult) -> bool:
 
 
 def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) -> Floats:
-    """Return the approximate share of each face (m,) that is material."""
+    """Return the approximate fraction (m,) of each face that stripes cover with material."""
     surface, sketch = analysis.surface, sketched_step(preset, analysis, even=even)
     polygons = tidied_polygons(surface, sketch.fields, sketch.levels, SHARE_SNAP, sketch.tidy)
     area = polygons.cells.areas(polygons.X)[0] * ~polygons.void
@@ -70,9 +72,9 @@ def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) ->
 
 
 def statics_with_weight_share(preset: Preset, surface: Surface, statics: StaticsResult, share: Floats) -> StaticsResult:
-    """Solve again with a share (m,) of each face's weight; return new statics."""
+    """Solve the statics again with only a fraction of each face's weight. share : (m,) fractions."""
     layered = any(case.layered is not None for case in statics.cases.values())
-    follow = "layers" if layered else "membrane"  # the pattern follows the same kind of stress as in `statics`
+    follow = "layers" if layered else "membrane"  # keeps the kind of stress that `statics` contains
     section = preset.statics.model_copy(update={"frequencies": 0, "buckling": 0, "stress": follow})
     acting = [_lighter_loading(loading, surface, share) for loading in loadings(preset, surface)]
     lighter_cases = statics_step(preset.model_copy(update={"statics": section}), surface, Log(None), acting).cases
@@ -90,14 +92,14 @@ def _lighter_loading(loading: Loading, surface: Surface, share: Floats) -> Loadi
 
 def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[float, float]:
     """Return the mean and the 95 % quantile of the angle (degrees) between the principal directions of two stresses.
-    before, after : (m, 3, 3)."""
+    before, after : (m, 3, 3) stress on each face."""
     (stress, directions), (_, directions_after) = (principal_stresses(surface, sigma) for sigma in (before, after))
     axis_before, axis_after = directions[:, 0], directions_after[:, 0]
     across = np.linalg.norm(np.cross(axis_before, axis_after), axis=1)
     angle = np.degrees(np.arctan2(across, np.abs(np.einsum("mi,mi->m", axis_before, axis_after))))
     half_difference = (stress[:, 0] - stress[:, 1]) / 2
     size = surface.areas * half_difference
-    # clear directions: the principal stresses differ enough
+    # clear directions need different principal stresses
     clear = np.flatnonzero(half_difference > 0.1 * np.linalg.norm(before, axis=(1, 2)))
     clear_by_angle = clear[np.argsort(angle[clear])]
     cumulated_area = np.cumsum(surface.areas[clear_by_angle])
@@ -108,7 +110,7 @@ def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[f
 
 
 class EarlierStripes(NamedTuple):
-    """Evenly spaced stripes of an earlier design. asked : the [pattern] options of that design."""
+    """Evenly spaced stripes of an earlier design. asked : the [pattern] options of the earlier design."""
 
     asked: Pattern
     even: EvenStripes
@@ -116,7 +118,7 @@ class EarlierStripes(NamedTuple):
 
 
 class ChosenMethod(NamedTuple):
-    """Chosen method of the pattern, with stripes (`way`). attempts : trials of a search, best first."""
+    """Chosen pattern method. way : the method with its stripes.    attempts : results of a search, best first."""
 
     way: MethodCandidate
     attempts: tuple[Attempt, ...] = ()
@@ -125,10 +127,12 @@ class ChosenMethod(NamedTuple):
 def chosen_method(
     preset: Preset, analysis: StressedSurface, log: Log, earlier: EarlierStripes | None = None
 ) -> ChosenMethod:
-    """Choose the method of the pattern, and where the stripes run."""
+    """Choose the method of the pattern, and the positions of the stripes without their widths."""
     attempts = tuple[Attempt, ...]()
     if preset.pattern.weight_rounds and not preset.pattern.rounds:
-        log.note("pattern", f"weight_rounds has no effect on method = '{preset.pattern.method}', only on 'stripes'")
+        log.note(
+            "pattern", f"weight_rounds has no effect on method = '{preset.pattern.method}'; it needs method = 'stripes'"
+        )
     if preset.pattern.method == "auto":
         candidate, attempts = method_step(preset, analysis, log)
     else:
@@ -142,7 +146,7 @@ def chosen_method(
 
 
 def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: ChosenMethod) -> PatternResult:
-    """Return the pattern of the chosen method: its stripes with widths."""
+    """Return the pattern of the chosen method: stripes with widths."""
     candidate, before = chosen.way, len(log.notes)
     log.seconds.setdefault("pattern", 0.0)
     pattern = candidate.drawn or pattern_step(
@@ -164,7 +168,7 @@ def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: C
 
 def sketched_pattern(analysis: StressedSurface, chosen: ChosenMethod) -> PatternResult:
     """Return stripes with approximate widths, for a first picture.
-    Raises PatternError if no width gives the requested share."""
+    Raises PatternError if no width gives the requested fraction of material."""
     candidate = chosen.way
     return sketched_step(candidate.preset, analysis, candidate.choice, candidate.grading, candidate.even)
 

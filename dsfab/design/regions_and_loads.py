@@ -37,13 +37,13 @@ from dsfab.surface import (
 )
 
 IMAGE_DIFFERENCE = 0.3
-"""Largest difference of a region or guide from its symmetric image, as a fraction of the region's or guide's area."""
+"""Largest difference of a region or guide from its symmetric image, as a fraction of its area."""
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
     """Return the surface without voids, cut along the outlines of the preset's regions.
-    Raises SurfaceError for a region outside of the surface, and for voids that contain a support or load, or that
-    separate a piece of the surface from all supports."""
+    Raises SurfaceError for a region outside of the surface, and for a void that contains a support or load.
+    A void that separates a piece of the surface from all supports also raises SurfaceError."""
     regions, voids = preset.pattern.region, preset.pattern.voids
     cut = with_regions(surface, regions)
     for k in voids:
@@ -55,7 +55,7 @@ def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
 
 
 class Acting(NamedTuple):
-    """Supports and loads on a surface."""
+    """The supports and loads that act on a surface."""
 
     support: tuple[Support, ...]
     load: tuple[Load, ...]
@@ -102,9 +102,7 @@ def _remaining_entry(key: str, entry: Any, uncut: Surface, vertices: Ints, edges
     picked = picker.vertices(uncut)[vertices]
     picked_left = np.flatnonzero(picked)
     if not len(picked_left):
-        raise SurfaceError(
-            f"{key}: all of its vertices are inside {voids}; make the void smaller, or pick other vertices"
-        )
+        raise SurfaceError(f"all vertices of {key} are inside {voids}; make the void smaller, or pick other vertices")
     edges_left = edges[picked[edges].all(axis=1)]
     is_picked = edges_of(picker, uncut)[uncut.edges.edges_between(*vertices[edges_left].T)]
     ends = tuple(map(tuple, edges_left[is_picked].tolist()))
@@ -112,7 +110,7 @@ def _remaining_entry(key: str, entry: Any, uncut: Surface, vertices: Ints, edges
 
 
 def one_sided_message(surface: Surface, regions: Sequence[PatternRegion], symmetry: Symmetry | None) -> str:
-    """Return a sentence about regions with less symmetry than the stripes; '' if there are none."""
+    """Return a sentence about regions that are less symmetric than the stripes; '' if there are none."""
     if symmetry is None:
         return ""
     exceptions = []
@@ -124,7 +122,10 @@ def one_sided_message(surface: Surface, regions: Sequence[PatternRegion], symmet
         matching = int((np.array(differing_areas) <= IMAGE_DIFFERENCE * float(surface.areas @ inside)).sum())
         if matching < symmetry.order:
             exceptions.append(f"{region_key(regions, k)} at {matching}")
-    message = f"stripes match at {symmetry.order} symmetric places, but these regions at fewer: {', '.join(exceptions)}"
+    message = (
+        f"stripes are equal at {symmetry.order} symmetric places, but these regions are equal at fewer places: "
+        f"{', '.join(exceptions)}"
+    )
     return message if exceptions else ""
 
 
@@ -146,17 +147,17 @@ def _check_pieces(preset: Preset, before: Surface, after: Surface) -> None:
         x, y, z = np.average(after.centroids[label == piece], axis=0, weights=after.areas[label == piece])
         raise SurfaceError(
             f"{_void_names(preset)} separate{'s' if len(preset.pattern.voids) == 1 else ''} {int(loose.sum())} of "
-            f"{count} pieces of the surface from all supports, the largest ({area[piece]:.3g} m2) around ({x:.3g}, "
-            f"{y:.3g}, {z:.3g}) m; leave a connection, support the piece, or enlarge the void over it"
+            f"{count} pieces of the surface from all supports; the largest of these pieces ({area[piece]:.3g} m2) is "
+            f"around ({x:.3g}, {y:.3g}, {z:.3g}) m; leave a connection, support the piece, or enlarge the void over it"
         )
 
 
 @dataclass(frozen=True, eq=False)
 class Loading:
     """A load case or a combination.
-    name    : '' for the sum of all cases.
-    load    : supports, and forces on vertices.    spread : constant loads on faces and edges.
-    factors : factors of the cases in a combination; None for a case."""
+    name    : name of the case or combination; '' for the sum of all cases.
+    load    : supports, and forces on vertices.    spread : loads that are constant on each face or edge.
+    factors : factor of each case in a combination, by case name; None for a case."""
 
     name: str
     load: LoadCase
@@ -165,7 +166,7 @@ class Loading:
 
 
 def loadings(preset: Preset, surface: Surface) -> list[Loading]:
-    """Return the cases of a preset, then its combinations, then the sum if there are several cases.
+    """Return the load cases of a preset, then its combinations. If there are several cases, their sum comes last.
     Raises SurfaceError for a support or a load without vertices."""
     section, weight = preset.surface, preset.statics.area_weight
     acting = acting_on(preset, surface)
@@ -183,10 +184,10 @@ def loadings(preset: Preset, surface: Surface) -> list[Loading]:
 
 @dataclass(frozen=True, eq=False)
 class CoveringLoads:
-    """Material of a cut sheet that carries the loads on a covering, such as glass. The uncut surface has m faces.
-    to      : (m,) face whose material carries the load on each face; -1 for none.
-    area    : (m,) area of material in each face, m2.    place : (m, 3) centre of this material, metres.
-    opening : (m,) opening to which each face belongs; -1 for faces with material."""
+    """Transfer of loads from a covering, such as glass, to a cut sheet. The uncut surface has m faces.
+    to      : (m,) for each face, the face with material that carries the load; -1 if there is none.
+    area    : (m,) area of material in each face, m2.    place : (m, 3) centroid of this material, metres.
+    opening : (m,) number of the opening that contains each face; -1 for faces with material."""
 
     surface: Surface
     to: Ints
@@ -196,7 +197,7 @@ class CoveringLoads:
 
     @classmethod
     def for_sheet(cls, surface: Surface, sheet: Sheet) -> Self:
-        """Find the material of the cut sheet that carries a covering's loads."""
+        """Find the material of a cut sheet that carries the loads of a covering. surface : the uncut surface."""
         cells, m = sheet.surface, surface.m
         area: Floats = np.bincount(sheet.parent, cells.areas, m).astype(np.float64)
         area_moment = group_sums(sheet.parent, cells.areas[:, None] * cells.centroids, m)
@@ -209,7 +210,7 @@ class CoveringLoads:
         return cls(surface, nearest_faces(surface, carries), area, place, np.where(carries, -1, part))
 
     def forces(self, covered: Floats) -> Floats:
-        """Return forces (m, 3), N, on the material in each face. covered : (m, 3) tractions, Pa, on the uncut surface.
+        """Return forces (m, 3), N, on the material in each face. covered : (m, 3) tractions on the covering, Pa.
         Raises StaticsError for a load on a piece of the surface without material."""
         load = covered * self.surface.areas[:, None]
         lost = np.flatnonzero((self.to < 0) & load.any(axis=1))
@@ -217,7 +218,7 @@ class CoveringLoads:
             place = ", ".join(f"{x:.3g}" for x in self.surface.centroids[lost[0]])
             raise StaticsError(
                 f"the load near ({place}) m has no support, because that piece of the surface has no material; load "
-                "other faces, or change a phase, a mode or pattern.rim"
+                f"other faces, or change pattern.rim, or a phase or mode of the stripes"
             )
         force = self._by_opening(load)
         turning = np.cross(self.surface.centroids, load) - np.cross(self.place, force)
@@ -247,7 +248,7 @@ class CoveringLoads:
 
 
 def nearest_faces(surface: Surface, marked: Bools) -> Ints:
-    """Return the number (m,) of the marked face nearest to each face; -1 without a path."""
+    """Return the number (m,) of the marked face nearest to each face along the surface; -1 if unconnected."""
     f, g, length = _face_steps(surface)
     steps = coo_array((length, (f, g)), shape=(surface.m, surface.m)).tocsr()
     predecessor = dijkstra(
@@ -266,7 +267,8 @@ def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
 
 
 def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
-    """Return forces (k, 3), N, with zero sum and the moment `moment` (g, 3), N m, in groups."""
+    """Return forces (k, 3), N, at points. In each group, the forces have zero sum and the moment (g, 3), N m.
+    group : (k,) group of each point.    place : (k, 3) points, m.    weight : (k,) weights of the forces."""
     count = len(moment)
     total = np.bincount(group, weight, count)
     middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
@@ -279,24 +281,28 @@ def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -
     return np.asarray(weight[:, None] * np.cross(theta[group], r))
 
 
-LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a mode"  # For messages on lost loads.
+LOST_LOAD_REMEDY = (
+    "set pattern.rim, raise pattern.keep, or change a phase or a mode of the stripes"  # For messages on lost loads.
+)
 
 
 def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:
-    """Return a clause about the first load with more than 1 % on loose pieces; '' if none.
-    material : all material, with loose pieces.    sheet : without loose pieces."""
+    """Return a clause about the first load of which over 1 % acts on loose pieces; '' if there is none.
+    material : all material, with loose pieces.    sheet : material without loose pieces."""
     dropped = (material.same_vertex() >= 0) & (sheet.same_vertex() < 0)
     for load in loads:
         size = np.linalg.norm(load.point, axis=1) * load.loaded
         if (lost := size[dropped].sum()) > 0.01 * size.sum():
             place = surface.V[dropped][size[dropped].argmax()].round(3).tolist()
-            return f"the load at {place} m ({lost:.3g} N) stands on a piece that reaches no support"
+            return (
+                f"the load at {place} m ({lost:.3g} N) acts on a piece of material that is not connected to a support"
+            )
     return ""
 
 
 def permanent_loads(preset: Preset, surface: Surface, load: LoadCase) -> dict[str, LoadCase]:
-    """Return loads whose mass vibrates with the sheet: cladding, other permanent loads, and snow.
-    load : load case with the supports."""
+    """Return the loads whose mass vibrates with the sheet, by name: cladding, other permanent loads, and snow.
+    load : load case that has the supports."""
     by_case, snow, permanent = dict[str, list[Load]](), dict[str, list[Load]](), list[Load]()
     for entry in acting_on(preset, surface).load:
         action = preset.surface.actions.get(entry.case) or ACTION_OF_LOAD.get(entry.kind)
@@ -321,23 +327,23 @@ def permanent_loads(preset: Preset, surface: Surface, load: LoadCase) -> dict[st
 
 
 def sheet_loads(surface: Surface, material: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """Return the loads of the uncut surface on a cut sheet, by name. material : the sheet with its loose pieces.
-    Raises StaticsError if over 1 % of a load is on loose pieces."""
+    """Transfer loads from the uncut surface to a cut sheet, by name. material : the sheet with its loose pieces.
+    Raises StaticsError if over 1 % of a load acts on loose pieces."""
     if lost := lost_load(surface, material, sheet, loads.values()):
         raise StaticsError(f"{lost}; {LOST_LOAD_REMEDY}")
     return loads_on(surface, sheet, loads)
 
 
 def loads_on(surface: Surface, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """Return the loads of the uncut surface on a cut sheet, by name."""
+    """Transfer loads from the uncut surface to a cut sheet; return the new loads by name."""
     covered = any(load.parts is not None and load.parts.covered.any() for load in loads.values())
     covering = CoveringLoads.for_sheet(surface, sheet) if covered else None
     return {name: sheet_load(surface, sheet, load, covering) for name, load in loads.items()}
 
 
 def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: CoveringLoads | None = None) -> LoadCase:
-    """Return the supports and loads of the uncut surface on a sheet that was cut from it.
-    A concentrated force on a removed vertex moves to the nearest vertex of the sheet; the moment of this force changes.
+    """Transfer supports and loads from the uncut surface to a cut sheet.
+    A concentrated force on a removed vertex moves to the nearest vertex of the sheet, which changes its moment.
     Raises StaticsError if no supported vertex remains, and if no material is near a concentrated force."""
     supported = sheet_supports(surface, sheet, load)
     point = _moved_forces(surface, sheet, load.point)
@@ -353,7 +359,7 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: Coverin
 
 
 def sheet_supports(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
-    """Return the supports of the uncut surface on a cut sheet, without loads.
+    """Transfer the supports from the uncut surface to a cut sheet; return a load case without loads.
     Raises StaticsError if no supported vertex remains."""
     sheet_vertex = sheet.same_vertex()
     fixed = sheet.vertices_between(surface, load.fixed, _edges_or_none(load.fixed_edges))

@@ -31,8 +31,8 @@ from dsfab.thickening import Base, OffsetLayer, Solid, offsets, proven_cells, th
 from dsfab.thickening.offset_vectors import Offsets
 
 SPECK = 0.15
-"""Smallest width of an opening between evenly spaced stripes, divided by their spacing. Smaller openings are filled;
-most of them lie at the edge of the surface."""
+"""Smallest width of an opening between evenly spaced stripes, divided by the stripe spacing. Smaller openings are
+filled. Most small openings lie at the edge of the surface."""
 
 
 def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) -> FinishingOptions:
@@ -45,21 +45,21 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
-    """Return which slits (narrow openings) of a pattern are filled."""
+    """Return the rule by which slits (narrow openings) of a pattern are filled; 'none' to fill no slit."""
     has_stripes = pattern.even is not None or pattern.preset_with_choices(preset).pattern.method == "modes"
     return merging_rule(preset) if pattern.tidy is not None and has_stripes else "none"
 
 
 def merging_rule(preset: Preset) -> Merging:
-    """Return which slits (narrow openings) are filled: 'slits' for all, or 'crowded'."""
+    """Return the rule by which slits (narrow openings) are filled: 'slits': all; 'crowded': between dense members."""
     return "crowded" if preset.pattern.width.solid_fraction > 0.5 else "slits"
 
 
 def trial_cut(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> TrialCut | None:
-    """Return the cut of a pattern, finished up to the first rounding of corners; None if no material is left.
-    polygons : the surface cut along the pattern, if known."""
+    """Cut the surface along a pattern; finish the cut up to the first rounding of corners. None without material.
+    polygons : the surface already cut along the pattern, or None."""
     preset = preset.model_copy(update={"slicing": Slicing()})
     options = finishing_options(preset, surface, pattern)
     cells = sheet_of(polygons or tidied_polygons(surface, pattern.fields, pattern.levels, options.snap, pattern.tidy))
@@ -67,7 +67,7 @@ def trial_cut(
 
 
 def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[TrialCut, float]:
-    """Return a trial cut with bridges across narrow openings, and the added area / area of the surface."""
+    """Add bridges across narrow openings to a trial cut. Return the cut, and the added area / area of the surface."""
     trial = trial.with_bridges()
     if preset.pattern.for_workshop:
         trial = trial.with_least_widths(*_usual_widths(preset, surface))
@@ -75,7 +75,7 @@ def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[Tri
 
 
 def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
-    """Return the smallest size of openings, and the width below which openings are bridged (m); 0 for no limit."""
+    """Return the smallest size of openings, and the width below which openings get bridges, metres; 0 for no limit."""
     options, min_opening = preset.pattern, preset.slicing.min_opening
     if min_opening is not None or options.method != "stripes":
         return min_opening or 0.0, min_opening or 0.0
@@ -83,7 +83,7 @@ def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
     thickness = preset.statics.thickness
     # with `removes_loose_ends`, a smaller limit is enough, because `merging_rule` also fills larger openings
     opening = min(SPECK * spacing, thickness) if options.removes_loose_ends else SPECK * spacing
-    # factor 1.1: beside a bridge, round corners are polygons, so an opening is narrower than with exact arcs
+    # factor 1.1: round corners are polygons, so an opening beside a bridge is narrower than between exact arcs
     return opening, min(1.1 * thickness, 0.2 * spacing)
 
 
@@ -99,7 +99,7 @@ class WorkshopWidths(NamedTuple):
 
 
 def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
-    """Return the least widths of openings and members; 0 without `pattern.workshop`."""
+    """Return the smallest allowed widths of openings and members, metres; 0 without `pattern.workshop`."""
     if not preset.pattern.for_workshop:
         return WorkshopWidths(0.0, 0.0)
     slicing, thickness = preset.slicing, preset.statics.thickness
@@ -111,7 +111,7 @@ def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
 
 
 def usual_gap(thickness: float, size: float) -> float:
-    """Return the default least width (m) of openings. size : diagonal of the surface's box, metres."""
+    """Return the default smallest width (m) of openings. size : diagonal of the surface's bounding box, metres."""
     return max(0.25 * thickness, min(3e-3, 1 / 500 * size))
 
 
@@ -124,7 +124,7 @@ def _least_requested_member(options: Pattern, surface: Surface) -> float:
 
 
 def least_member(options: Pattern, surface: Surface) -> float:
-    """Return the default smallest width (m) of members of varying width."""
+    """Return the default smallest width (m) of members, for patterns with members of varying width."""
     density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     return 0.5 * (options.width.solid_fraction or 0.5) / density
 
@@ -132,7 +132,7 @@ def least_member(options: Pattern, surface: Surface) -> float:
 def closed_share(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> float:
-    """Return the area added at narrow members and openings, divided by the surface's area."""
+    """Return the area that widened members and closed openings add, divided by the area of the surface."""
     usual = pattern.preset_with_choices(preset.model_copy(update={"slicing": Slicing()}))
     options = finishing_options(usual, surface, pattern)
     polygons = polygons or tidied_polygons(surface, pattern.fields, pattern.levels, options.snap, pattern.tidy)
@@ -142,7 +142,7 @@ def closed_share(
 
 
 def least_drawn_member(preset: Preset, surface: Surface) -> float:
-    """Return the least width (m) of drawn members; 0 without `pattern.workshop`."""
+    """Return the smallest width (m) with which the pattern draws members; 0 without `pattern.workshop`."""
     return _usual_widths(preset, surface).member / REQUESTED_SHARE
 
 
@@ -151,13 +151,13 @@ def _usual_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
 
 
 def least_widths_message(least: tuple[float, float], counts: Counter[str]) -> str:
-    """Return a note on members and openings that were too narrow; '' without changes."""
+    """Return a note on changes of too narrow members and openings; '' without changes. counts : changes by kind."""
     gap, member = least
     parts = (
         ("closed", f"openings narrower than {length(gap)} were closed at {places_phrase(counts['closed'])}"),
         ("thickened", f"members narrower than {length(member)} were widened at {places_phrase(counts['thickened'])}"),
         ("narrowed", f"{counts['narrowed']} openings that became narrower than the members beside them were filled"),
-        ("necks", f"bridges were built at {places_phrase(counts['necks'])} that became narrow"),
+        ("necks", f"members became narrow at {places_phrase(counts['necks'])}, and bridges were built there"),
     )
     messages = [message for name, message in parts if counts[name]]
     return ", ".join(messages) + " (slicing.min_gap, min_member)" if messages else ""
@@ -173,7 +173,7 @@ FILLED_PLATE = 5  # Smallest number of neighbouring filled openings that form a 
 def slicing_step(
     preset: Preset, surface: Surface, statics: StaticsResult, pattern: PatternResult, log: Log
 ) -> SlicingResult:
-    """Return all cells of the cut surface and the sheet of material: stage 5.
+    """Cut the surface (stage 5): return all cells of the cut, and the sheet of material.
     Raises PatternError if no material is left."""
     options = preset.slicing
     with log.stage("slicing", f"cutting {surface.m:,} triangles"):
@@ -201,7 +201,7 @@ def slicing_step(
     _note_finishing(preset, finished, finishing, cut_cells.stubs, log)
     plate = filled_plate(preset.pattern, surface, statics.load, pattern, (cut_cells, finished.unwidened or cells))
     if plate:
-        log.note("slicing", f"{plate.message}; to avoid it, change pattern.keep, spacing or pattern.rotate")
+        log.note("slicing", f"{plate.message}; to avoid this plate, change pattern.keep, pattern.rotate or the spacing")
     if finished.shape:
         log.note("slicing", finished.shape)
     return SlicingResult(cells, sheet, kept_pieces, finished.counts["pinches"], plate)
@@ -216,14 +216,18 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
     if filled:
         openings, limit = count_phrase(filled, "opening"), length(options.opening)
         by_limit = f"dsfab filled {openings} smaller than {limit}"
-        by_others = f"dsfab filled {openings} smaller than {limit}, or far smaller than most openings"
+        by_others = f"dsfab filled {openings} that are smaller than {limit}, or far smaller than most openings"
         log.note("slicing", by_others if preset.slicing.min_opening is None else by_limit)
     if merged:
         openings = count_phrase(merged, "opening")
-        log.note("slicing", f"dsfab closed {openings} narrower than the neighbouring members, which are now joined")
+        log.note(
+            "slicing", f"dsfab closed {openings} narrower than the members beside them; these members are now joined"
+        )
     if bridged:
         bridges = count_phrase(bridged, "bridge")
-        log.note("slicing", f"dsfab built {bridges} where openings are narrower than {length(options.neck)}")
+        log.note(
+            "slicing", f"dsfab built {bridges} between members where openings are narrower than {length(options.neck)}"
+        )
     if spikes:
         log.note("slicing", f"dsfab cut off {count_phrase(spikes, 'short projection')} of members into openings")
     if widened:
@@ -236,8 +240,8 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
 def filled_plate(
     options: Pattern, surface: Surface, load: LoadCase, pattern: PatternResult, cells: tuple[Sheet, Sheet]
 ) -> FilledOpenings | None:
-    """Return the largest group of neighbouring filled openings, or None if no group forms a plate.
-    cells : the cut sheet before and after openings were filled."""
+    """Return the largest group of neighbouring filled openings, or None if no group is large enough for a plate.
+    cells : the cells of the cut before and after small openings were filled."""
     spacings = [family.distance(surface.area, surface.mean_edge) for family in options.drawn_families]
     fillings = merged_members(options, surface, pattern), largest_filling(*cells, max(spacings))
     filling = max(filter(None, fillings), key=lambda group: group.openings, default=None)
@@ -252,13 +256,19 @@ def filled_plate(
 
 def _fillet_message(radius: float, radii: Floats) -> str:
     if not len(radii):
-        return f"no corner of an opening was rounded: none has space for a radius of {length(radius)} (pattern.fillet)"
+        return (
+            f"dsfab rounded no corner of an opening, because no corner has space for a radius of {length(radius)} "
+            f"(pattern.fillet)"
+        )
     verb = "was" if len(radii) == 1 else "were"
     message = f"{count_phrase(len(radii), 'corner')} of openings {verb} rounded"
     if np.median(radii) < radius / 2:
         half = length(float(np.median(radii)))
-        return f"{message}; for lack of space, half of the radii are below {half} (pattern.fillet: {length(radius)})"
-    return f"{message} with a radius of {length(radius)}, or a smaller radius where space is lacking"
+        return (
+            f"{message}; half of the radii are below {half}, because many corners have no space for pattern.fillet = "
+            f"{length(radius)}"
+        )
+    return f"{message} with a radius of {length(radius)}, or with a smaller radius where the opening is too narrow"
 
 
 def _pieces(surface: Surface, sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:
@@ -273,7 +283,11 @@ def _pieces(surface: Surface, sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece
 
 def _one_family_hint(preset: Preset) -> str:
     name = preset.pattern.families
-    return "" if name == "both" else f": the {name} family alone has no crossings; set pattern.rim or use both families"
+    return (
+        ""
+        if name == "both"
+        else f": stripes of the {name} family alone do not cross; set pattern.rim, or draw both families"
+    )
 
 
 def _refuse_loose(preset: Preset, sheet: Sheet, all_pieces: tuple[Piece, ...], label: Ints) -> None:
@@ -285,7 +299,10 @@ def _refuse_loose(preset: Preset, sheet: Sheet, all_pieces: tuple[Piece, ...], l
             f"{len(loose)} of {len(all_pieces)} pieces reach no support, the largest "
             f"({all_pieces[largest].area:.3g} m2) near "
             f"({x:.3g}, {y:.3g}, {z:.3g}) m"
-            + (_one_family_hint(preset) or "; lower the thresholds, or set pattern.rim, pattern.keep or slicing.loose")
+            + (
+                _one_family_hint(preset)
+                or "; lower the thresholds of the stripes, or set pattern.rim, pattern.keep or slicing.loose"
+            )
         )
 
 
@@ -296,7 +313,9 @@ def _note_slicing(
     if loose:
         area = sum(piece.area for piece in loose)
         outcome = "dropped" if preset.slicing.loose == "drop" and len(loose) < len(all_pieces) else "kept"
-        message = f"{len(loose)} of {len(all_pieces)} pieces reach no support and were {outcome} ({area:.3g} m2)"
+        message = (
+            f"{len(loose)} of {len(all_pieces)} pieces of material reach no support and were {outcome} ({area:.3g} m2)"
+        )
         log.note("slicing", f"{message}{_one_family_hint(preset)}")
     if pinches:
         contacts = f"{pinches} point contacts were" if pinches > 1 else "a point contact was"
@@ -308,12 +327,11 @@ def _note_slicing(
         log.note(
             "slicing",
             f"{len(unsupported_loads)} of {load.loaded.sum()} loaded points lie on removed material (vertices "
-            f"{first_few(unsupported_loads, 3)}); "
-            "set pattern.keep to protect them",
+            f"{first_few(unsupported_loads, 3)}); set pattern.keep to keep material there",
         )
     total = load.spring.sum()
     if total and (share := 1 - load.spring[sheet.same_vertex() >= 0].sum() / total) > 0.005:
-        log.note("slicing", f"{share:.0%} of the springs' stiffness is on removed material; set pattern.keep")
+        log.note("slicing", f"{share:.0%} of the stiffness of spring supports is on removed material; set pattern.keep")
 
 
 def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: StaticsResult, log: Log) -> None:
@@ -321,16 +339,19 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
     if any(part.weight.any() for part in parts):
         areas = surface.area, sheet.surface.area
         uncut_weight, sheet_weight = (force(preset.statics.area_weight * area) for area in areas)
-        message = f"the cut sheet weighs {sheet_weight}; all results include this weight"
-        if not preset.pattern.rounds:  # with `rounds`, directions follow the weight of the cut sheet
-            message += f"; the directions follow the weight of the uncut sheet, {uncut_weight}"
+        message = f"the cut sheet weighs {sheet_weight}; all results of the cut sheet include this weight"
+        if not preset.pattern.rounds:  # with `rounds`, stripes follow the weight of the cut sheet
+            message += f"; the directions of the stripes follow the weight of the uncut sheet, {uncut_weight}"
         log.note("slicing", message)
     if any(part.bare.any() for part in parts):
-        log.note("slicing", "loads without a covering act only on members; for the stripes they act on the uncut sheet")
+        log.note(
+            "slicing",
+            "loads without a covering act only on members; but the stripes follow these loads on the whole uncut sheet",
+        )
 
 
 def checked_offsets(preset: Preset, surface: Surface) -> Offsets:
-    """Return the offsets of both skins. Raises SolidError if the surface bends too sharply for the thickness."""
+    """Return vectors from the surface to its two offset skins. Raises SolidError if the surface bends too sharply."""
     options = preset.thickening
     offset = offsets(surface, preset.statics.thickness, options.side)
     if offset.smallest < options.thinnest:
@@ -344,7 +365,7 @@ def checked_offsets(preset: Preset, surface: Surface) -> Offsets:
 
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:
-    """Return the thickened solid: stage 6.
+    """Thicken the sheet to a solid (stage 6).
     Raises SolidError if the surface bends too sharply for the thickness."""
     options = preset.thickening
     with log.stage("thickening", f"thickening {slicing.sheet.surface.m:,} triangles"):
@@ -364,7 +385,7 @@ def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, lo
         log.note(
             "thickening",
             f"the solid is thinner at {offset.limited} of {surface.n} vertices, where the surface bends sharply: "
-            f"at least {offset.smallest:.0%} of the thickness remains",
+            f"at the thinnest vertex, {offset.smallest:.0%} of the thickness remains",
         )
     for text in solid.notes:
         log.note("thickening", text)

@@ -1,4 +1,4 @@
-"""Stage 4: stripes and kept regions."""
+"""Stage 4: stripes, and kept regions (regions that are material in every pattern)."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -42,7 +42,7 @@ class _LatestLayers(NamedTuple):
 
 
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:
-    """Return the kept regions, which are material in every pattern."""
+    """Return layers of the kept regions, which are material in every pattern."""
     layers, options = _cached_layers(preset, surface, load), preset.pattern
     symmetry = even.symmetry if even else None
     if symmetry is None:
@@ -64,7 +64,7 @@ def _cached_layers(preset: Preset, surface: Surface, load: LoadCase) -> list[Lay
 
 
 def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) -> Tidy | None:
-    """Return options to remove loose ends of members, or None."""
+    """Return rules for the removal of loose ends of members; None to keep loose ends."""
     if not preset.pattern.removes_loose_ends:
         return None
     names = [layer.name for layer in layers]
@@ -94,7 +94,7 @@ UNREPORTED = 2 * SHARE_TOLERANCE  # dsfab reports only larger errors of the soli
 
 
 class _ShareTrial(NamedTuple):
-    """Trial stripes, with shares of the surface."""
+    """Trial of `corrected_pattern`: target, added and total covered fraction of the surface, and the stripes."""
 
     aim: float
     added: float
@@ -109,11 +109,11 @@ def corrected_pattern(
     added_share: Callable[[PatternResult], float],
     bridged_share: Callable[[], float],
 ) -> tuple[PatternResult, float]:
-    """Return stripes that cover the requested share of the surface after finishing, and the covered share.
-    draw_pattern  : function that draws stripes, from the share that finishing adds and a factor on widths.
-    nearest_share : function that returns the measured share nearest to a share.
-    added_share   : function that returns the share of rounded corners and filled openings.
-    bridged_share : function that returns the share of bridges."""
+    """Return stripes that cover the requested fraction of the surface after finishing, and the covered fraction.
+    draw_pattern  : function that draws stripes, for a fraction that finishing will add and a guess of the width factor.
+    nearest_share : function that returns, of all measured fractions, the nearest to a given fraction.
+    added_share   : function that returns the fraction that rounded corners and filled openings add.
+    bridged_share : function that returns the fraction that bridges add."""
     requested, tolerance = width.solid_fraction, width.solid_fraction_tolerance
     trials = list[_ShareTrial]()
     bridges = 0.0
@@ -165,10 +165,10 @@ SHARE_SNAP = 0.05  # Default of slicing.snap, for cuts that only measure the sha
 
 class WidthSearch(NamedTuple):
     """Options of the search for widths.
-    share     : function that returns the share of the surface that layers cover.
-    tolerance : largest error of the share.    guess : factor on widths, or 0.
-    counted   : faster, less accurate `share`, or None.
-    added     : share of the surface that finishing will add."""
+    share     : function that returns the fraction of the surface that layers cover.
+    tolerance : largest error of this fraction.    guess : expected factor on widths, or 0.
+    counted   : function like `share`, faster and less accurate, or None.
+    added     : fraction of the surface that finishing will add."""
 
     share: Callable[[Sequence[Layer]], float]
     tolerance: float
@@ -179,7 +179,7 @@ class WidthSearch(NamedTuple):
 
 @dataclass
 class _MeasuredShares:
-    """Function that returns the share with material of layers."""
+    """Function that returns the fraction of the surface that layers cover. It stores the latest cut and all results."""
 
     preset: Preset
     given: StressedSurface
@@ -222,9 +222,9 @@ def pattern_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern: kept regions, and stripes of the requested share of material.
+    """Return the pattern: kept regions, and stripes with widths that give the requested fraction of material.
     choice  : modes and phases that were chosen for `auto`, or None.
-    grading : (n, f) relative half-widths of f families.    even : evenly spaced stripes, if any."""
+    grading : (n, f) relative half-widths of f families of stripes.    even : evenly spaced stripes, or None."""
     options, surface = preset.pattern, analysis.surface
     with log.stage("pattern", "drawing stripes"):
         kept_layers = kept_regions(preset, surface, analysis.load, even)
@@ -269,8 +269,8 @@ def sketched_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern with approximate widths.
-    grading : (n, f) relative half-widths of f families."""
+    """Return the pattern with approximate widths of stripes.
+    grading : (n, f) relative half-widths of f families of stripes."""
     surface = analysis.surface
     kept_layers = kept_regions(preset, surface, analysis.load, even)
     families = drawable_families(preset, analysis, member_widths(preset, surface).radius, grading, even)
@@ -281,14 +281,14 @@ def sketched_step(
 
 
 def member_widths(preset: Preset, surface: Surface) -> Widths:
-    """Return the rule of [pattern.width]."""
+    """Return the rule for widths of members, from the options in [pattern.width]."""
     options = preset.pattern
     bounded = options.method == "stripes" and options.width.rule in ("graded", "stressed")
     return options.width.widths(np.sqrt(surface.area), least_width(preset, surface) if bounded else 0.0)
 
 
 def least_width(preset: Preset, surface: Surface) -> float:
-    """Return the default least width (m) of evenly spaced members of varying width."""
+    """Return the default smallest width (m) of evenly spaced members of varying width."""
     stressed = preset.pattern.width.rule == "stressed"
     least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
     return min(least, least_member(preset.pattern, surface))
@@ -297,12 +297,12 @@ def least_width(preset: Preset, surface: Surface) -> float:
 def _note_spacings(preset: Preset, families: Sequence[DrawableFamily], log: Log) -> None:
     for family in families:
         if spacing := getattr(preset.pattern, family.name).spacing:
-            message = f"for a spacing of {spacing:g} m, the frequency of the {family.name} stripes is"
+            message = f"the spacing of {spacing:g} m means that the frequency of the {family.name} stripes is"
             log.note("pattern", f"{message} {family.stripes.frequency:.4g}")
 
 
 def pattern_result(preset: Preset, families: Sequence[DrawableFamily], layers: Sequence[Layer]) -> PatternResult:
-    """Return the pattern of these layers."""
+    """Return the pattern that consists of `layers`."""
     options = preset.pattern
     names, fields, levels, half_widths, _ = zip(*layers, strict=True)
     stripes = {family.name: family.stripes for family in families}
@@ -319,8 +319,8 @@ def solved_layers(
     families: Sequence[DrawableFamily],
     search: WidthSearch,
 ) -> tuple[list[Layer], float]:
-    """Return layers that cover the requested share of the surface, and a factor on widths.
-    Raises PatternError if no widths give this share."""
+    """Return layers that cover the requested fraction of the surface, and the necessary factor on widths.
+    Raises PatternError if no factor gives this fraction."""
     width, widths = preset.pattern.width, member_widths(preset, surface)
     factor = search.guess or (mean_duty_factor(surface, families, widths) if widths.follow_stress else 1.0)
 
@@ -338,7 +338,7 @@ def solved_layers(
                 factor *= solved_factor(lambda relative: counted(layers(factor * relative)), requested, SHARE_TOLERANCE)
                 slope = (counted(layers(1.02 * factor)) - counted(layers(0.98 * factor))) / 0.04
         jump = width.solid_fraction_tolerance
-        if preset.pattern.families != "both":  # without crossings, members can be loose; then the share jumps
+        if preset.pattern.families != "both":  # without crossings, members can come loose, and the share jumps
             spacing = preset.pattern.drawn_families[0].distance(surface.area, surface.mean_edge)
             jump = max(jump, width.solid_fraction * spacing / float(np.sqrt(surface.area)))
 
@@ -350,7 +350,9 @@ def solved_layers(
         except PatternError as error:
             if added < SHARE_TOLERANCE:
                 raise
-            raise PatternError(f"{error}; round corners and filled openings add another {added:.1%}") from None
+            raise PatternError(
+                f"{error}; round corners and filled openings add another {added:.1%} of the surface"
+            ) from None
     return layers(factor), factor
 
 
@@ -360,10 +362,10 @@ def layers_with_share(
     factor: float,
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
-    """Return layers that cover the requested share, and a factor on widths.
-    layers : function of two factors on widths: for drawing, and to decide which openings are closed.
-    share  : function that returns the share of the surface that layers cover.
-    solve  : function of a function share(x); returns x for the requested share."""
+    """Return layers that cover the requested fraction of the surface, and the necessary factor on widths.
+    layers : function of two factors on widths. The first scales the stripes; the second decides which openings close.
+    share  : function that returns the fraction of the surface that layers cover.
+    solve  : function that takes a function share(x), and returns x for the requested fraction."""
     refused, distant = list[PatternError](), list[tuple[float, float, list[Layer]]]()
     for closing in (factor * shift for shift in CLOSINGS):
         cache = _CachedLayers(layers, factor, closing)
@@ -387,7 +389,7 @@ def layers_with_share(
 
 @dataclass
 class _CachedLayers:
-    """Function `layers` with the latest result."""
+    """The function `layers`, with a cache of the latest result."""
 
     layers: Callable[[float, float], list[Layer]]
     factor: float
@@ -395,7 +397,7 @@ class _CachedLayers:
     last: tuple[float, list[Layer]] = (-1.0, [])
 
     def layers_at(self, relative: float) -> list[Layer]:
-        """Return the layers for widths scaled by `relative * factor`."""
+        """Return the layers for stripe widths that are scaled by `relative * factor`."""
         if self.last[0] != relative:
             self.last = relative, self.layers(self.factor * relative, self.closing)
         return self.last[1]
@@ -409,8 +411,8 @@ def drawable_families(
     even: EvenStripes | None = None,
 ) -> Sequence[DrawableFamily]:
     """Return the major and minor families of stripes, along the first and second principal stress.
-    radius  : distance (m) over which slopes are averaged.
-    grading : (n, f) relative half-widths for the rule `stressed`.
+    radius  : radius (m) of the disc over which the number of stripes per metre is averaged.
+    grading : (n, f) relative half-widths of f families, for the width rule `stressed`.
     even    : evenly spaced stripes; None for stripes of diffusion modes.
     Raises PatternError for a mode that was not computed."""
     surface, diffusion = analysis.surface, analysis.diffusion
@@ -428,8 +430,8 @@ def drawable_families(
         family, modes = getattr(options, name), getattr(diffusion, name)
         if family.number > len(modes.lam):
             raise PatternError(
-                f"pattern.{name}.mode = {family.number}, but only diffusion.modes = {len(modes.lam)} are computed; "
-                "increase diffusion.modes or choose a lower mode"
+                f"pattern.{name}.mode = {family.number}, but dsfab computes only {len(modes.lam)} modes "
+                f"(diffusion.modes); increase diffusion.modes or choose a lower mode"
             )
         x, stripes = modes.mode(family.number), family.stripes
         if family.spacing:
@@ -439,7 +441,7 @@ def drawable_families(
 
 
 def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStripes | None) -> Floats:
-    """Return the absolute stress (n, 2) along the two families, divided by the mean.
+    """Return the absolute stress (n, 2) along the major and minor stripes, divided by its mean.
     Raises PatternError if the stress is zero."""
     sizes = np.abs(even.forces if even is not None and even.forces is not None else diffusion.tensors.principal)
     if even is not None and even.steered:
@@ -468,11 +470,14 @@ def _solved_width_message(preset: Preset, widths: Widths, factor: float, share: 
         became = f"members are {length(factor * widths.member)} wide"
     elif widths.rule == "plain":
         thresholds = [family.stripes.with_width_factor(factor).threshold for family in options.drawn_families]
-        became = f"the thresholds became {' and '.join(f'{threshold:.3f}' for threshold in thresholds)}"
+        became = f"the thresholds of the stripes became {' and '.join(f'{threshold:.3f}' for threshold in thresholds)}"
         became = became if len(thresholds) > 1 else became.replace("thresholds", "threshold")
     else:
-        became = f"the {widths.rule} widths were multiplied by {factor:.3g}"
+        became = f"the widths by the rule '{widths.rule}' were multiplied by {factor:.3g}"
     message = f"{became} for solid_fraction = {options.width.solid_fraction:.1%}"
     if abs(share - options.width.solid_fraction) <= SHARE_TOLERANCE:
         return message
-    return f"{message}; {share:.2%} is the nearest possible share, because the share jumps where ends of members appear"
+    return (
+        f"{message}; {share:.2%} is the nearest possible share, because the share of material jumps when ends of "
+        f"members appear"
+    )

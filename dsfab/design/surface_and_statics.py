@@ -56,9 +56,9 @@ from dsfab.surface.loads.load_case import picked_faces
 @dataclass(frozen=True, eq=False)
 class SolvedSheet:
     """Solution of a sheet under all loads.
-    acting    : load cases and combinations.  plane : True for a flat sheet that is loaded in its plane.
-    made      : stiffness matrix (N, N), N/m, for each kind of elements.
-    answers   : equilibrium under each load.    sigma : (m, 3, 3) stress (Pa) of the middle surface under each load."""
+    acting  : load cases and combinations.    plane : True for a flat sheet that is loaded in its plane.
+    made    : stiffness matrix (N, N), N/m, by kind of finite elements.
+    answers : equilibrium under each load.    sigma : (m, 3, 3) stress of the middle surface under each load, Pa."""
 
     acting: Sequence[Loading]
     plane: bool
@@ -96,7 +96,7 @@ def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
 
 
 MOST_VERTICES = 200_000
-"""Largest number of vertices for results by accurate elements, which need more memory than `hinge` elements."""
+"""Largest number of vertices for results by accurate finite elements, which need more memory than `hinge` elements."""
 
 
 def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log, rough: bool = False) -> list[Answers]:
@@ -137,11 +137,11 @@ def _affordable_results(sheet: Statics, surface: Surface, log: Log) -> tuple[Res
     requested = sheet.analyses
     if surface.n <= MOST_VERTICES or requested.elements_for(sheet.elements) == sheet.elements:
         return requested, ()
-    why = f"{surface.n:,} vertices are too many for accurate elements ({MOST_VERTICES:,} are allowed)"
+    why = f"{surface.n:,} vertices are too many for the accurate elements (limit: {MOST_VERTICES:,} vertices)"
     log.note(
         "statics",
-        f"the stress of the uncut sheet is only approximate, from {sheet.elements} elements: {why}; build a coarser "
-        "mesh (surface.edge) for accurate stress",
+        f"the stress of the uncut sheet is only approximate, because {sheet.elements} elements are used: {why}; make "
+        f"a coarser mesh (surface.edge) for accurate stress",
     )
     return ResultRequest(), (f"no natural frequencies, no buckling factors: {why}",) if requested.modes else ()
 
@@ -152,7 +152,9 @@ def _note_answers(
     elements = named_answers[0][1].elements
     if requested and sheet.bending != "hinge" and requested.elements_for(sheet.elements) != sheet.elements:
         why = f"{sheet.elements} elements are not accurate enough for reports"
-        log.note("statics", f"stress, energy, frequencies and buckling are computed with {elements} elements: {why}")
+        log.note(
+            "statics", f"stress, energy, frequencies and buckling are computed with {elements} elements, because {why}"
+        )
     facets = facet_number(surface, sheet.thickness)
     if requested and elements.bending == "hhj" and facets > FACETS:
         log.note(
@@ -167,14 +169,17 @@ def _note_answers(
 
 def _note_case_answers(under: str, answers: Answers, sheet: Statics, log: Log) -> None:
     if answers.assumed:
-        log.note("statics", f"frequencies and buckling{under} are for movements out of the plane: {answers.assumed}")
+        log.note(
+            "statics",
+            f"frequencies and buckling{under} are for movements out of the plane of the sheet: {answers.assumed}",
+        )
     for refusal in answers.refusals:
         aside = "" if answers.elements.bending else " (the sheet was solved without movements out of its plane)"
         log.note("statics", refusal + under + aside)
     if answers.buckling is not None and not len(answers.buckling.factor):
-        log.note("statics", f"the load compresses no part of the uncut sheet{under}: it does not buckle")
+        log.note("statics", f"the load compresses no part of the uncut sheet{under}, so the sheet does not buckle")
     elif answers.buckling is not None and answers.buckling.factor[0] < 1:
-        log.note("statics", f"the uncut sheet buckles{under} before it carries the load; increase statics.thickness")
+        log.note("statics", f"the uncut sheet buckles{under} under less than the load; increase statics.thickness")
     reliable = answers.elements.bending != "hinge"
     if sheet.strength and reliable and (share := answers.stress.peak.stress / sheet.strength) > 1:
         log.note(
@@ -188,9 +193,9 @@ BENDING_SHARE = 0.5  # Smallest share of bending in the energy for which stress 
 
 
 class FollowedStress(NamedTuple):
-    """Stress (m, 3, 3), Pa, that the pattern follows in each case and combination.
-    layered : stress of all layers, or None.
-    told    : note for the user, or ''."""
+    """Stress that the pattern follows, (m, 3, 3) in Pa for each load case and combination.
+    sigma : stress of a single layer.    layered : stress that represents all layers of the thickness, or None.
+    told  : note for the user, or ''."""
 
     sigma: Sequence[Floats]
     layered: Sequence[Floats] | None = None
@@ -200,8 +205,8 @@ class FollowedStress(NamedTuple):
 def followed_layers(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers], sigma: Sequence[Floats]
 ) -> FollowedStress:
-    """Return the stress that the pattern follows, for a sheet that was solved with bending. Raises StaticsError.
-    sigma : (m, 3, 3) stress in the middle of the thickness (Pa), for each case and combination."""
+    """Return the stress that the pattern follows, for a sheet that can bend. Raises StaticsError.
+    sigma : (m, 3, 3) stress in the middle of the thickness, Pa, for each load case and combination."""
     option = preset.statics.stress
     if is_slab(surface, answers):
         lower = [stress.tensor("bottom") for stress in _moment_stresses(preset, surface, acting, answers)]
@@ -210,7 +215,10 @@ def followed_layers(
     share = bending_share(preset, surface, acting, answers)
     if option == "layers" or (option == "auto" and share >= BENDING_SHARE):
         stresses = _moment_stresses(preset, surface, acting, answers)
-        message = f"the pattern follows the stress of all layers; bending stores {share:.0%} of the sheet's energy"
+        message = (
+            f"the pattern follows the stress in all layers through the thickness; bending stores {share:.0%} of the "
+            f"sheet's energy"
+        )
         layered = [layer_stress(surface, s.tensor("middle"), _bending_stress(s)) for s in stresses]
         return FollowedStress(sigma, layered, message)
     if option == "membrane" and share >= BENDING_SHARE:
@@ -223,7 +231,7 @@ def followed_layers(
 
 
 def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]) -> float:
-    """Return the share of bending in the strain energy, 0 to 1."""
+    """Return the fraction of the strain energy that is due to bending, 0 to 1."""
     weights = [preset.followed_weights.get(loading.name, 0.0) for loading in acting]
     bent = sum(w * float(a.stress.bending_energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
     total = sum(w * float(a.stress.energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
@@ -231,7 +239,7 @@ def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], a
 
 
 def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
-    """Return True if the surface is flat and almost without stress in the middle of the thickness."""
+    """Return True if the surface is flat, and if the stress in the middle of the thickness is nearly zero."""
     stresses = [answer.stress for answer in answers]
     membrane, bending = [s.membrane for s in stresses], [s.bending for s in stresses]
     return surface.is_flat and only_bends(np.stack(membrane), np.stack(bending))
@@ -252,7 +260,7 @@ def _bending_stress(stress: SheetStress) -> Floats:
 
 
 def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) -> None:
-    """Add notes on large errors and very thin triangles to the log."""
+    """Add notes on large residuals and very thin triangles to the log."""
     answers = {name: case.equilibrium for name, case in cases.items()}
     under = {name: f" under {name}" if len(cases) > 1 else "" for name in cases}
     rough = max(answers, key=lambda name: answers[name].residual)
@@ -263,16 +271,16 @@ def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) ->
             "sheet is very thin or nearly a mechanism, or the mesh has very thin triangles",
         )
     if message := needle_message(surface):
-        log.note("statics", f"{message}: stresses there are poor; remesh the surface")
+        log.note("statics", f"{message}: the stress in these triangles is inaccurate; remesh the surface")
 
 
 POSSIBLE_SLENDERNESS = (3.0, 1e5)
-"""Range of the surface's size divided by the thickness. Other values raise an error: a unit must be wrong."""
+"""Allowed range of surface size / thickness. Values outside of this range raise an error, because a unit is wrong."""
 USUAL_SLENDERNESS = (10.0, 5e3)  # Usual range of the surface's size / thickness. Other values give a note to the user.
 
 
 def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
-    """Raise SurfaceError for an impossible ratio of size and thickness."""
+    """Raise SurfaceError if the ratio of surface size and thickness is impossible; note an unusual ratio."""
     thickness = preset.statics.thickness
     slenderness = surface.size / thickness
     message = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
@@ -285,12 +293,13 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
         log.note("statics", f"the surface is {length(surface.size)} large: check its unit")
     if not USUAL_SLENDERNESS[0] < slenderness < USUAL_SLENDERNESS[1]:
         log.note(
-            "statics", f"{message}: statics need a size / thickness of about 20 to 2000; check units and thickness"
+            "statics",
+            f"{message}: the statics need a ratio of size to thickness of about 20 to 2000; check units and thickness",
         )
 
 
 def checked_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = ()) -> SolvedSheet:
-    """Solve the sheet. Raises SurfaceError if thickness, supports or loads do not fit the surface."""
+    """Check thickness, supports and loads, and solve the uncut sheet. Raises SurfaceError if a check fails."""
     check_scale(preset, surface, log)
     for text in off_surface(preset, surface):
         log.note("statics", text)
@@ -314,18 +323,18 @@ def statics_step(
 
 
 def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> StaticsResult | None:
-    """Return approximate statics for a sketch, or None."""
+    """Return approximate statics for a quick sketch; None if the sketch needs accurate statics."""
     sheet = preset.statics
     if sheet.analyses.elements_for(sheet.elements) == sheet.elements or surface.is_flat or sheet.stress == "layers":
         return None
     answers = answers_step(preset, surface, solved, Log(None), rough=True)
     if sheet.stress == "auto" and bending_share(preset, surface, solved.acting, answers) >= BENDING_SHARE / 2:
-        return None  # the limit BENDING_SHARE is halved, because `bending_share` is only approximate here
+        return None  # half of the limit, because `bending_share` is only approximate here
     return _statics_result(preset, surface, solved, answers, FollowedStress(solved.sigma), Log(None))
 
 
 def same_followed_stress(rough: StaticsResult, statics: StaticsResult) -> bool:
-    """Return True if the pattern follows the same stress in `rough` as in `statics`."""
+    """Return True if the stress that the pattern follows is equal in `rough` and in `statics`."""
     pairs = ((case.followed_stress, rough.cases[name].followed_stress) for name, case in statics.cases.items())
     return all(np.array_equal(*pair) for pair in pairs)
 
@@ -343,13 +352,14 @@ def _statics_result(
     together = results.pop("", next(iter(results.values())))
     note_statics(surface, results, log)
     winds = [load for load in acting_on(preset, surface).load if isinstance(load, Wind)]
-    # with equal coefficients or a shape of roofs, the side of the faces does not matter
+    # the outside of faces matters only if the two coefficients differ and no roof `shape` is set
     winds = [load for load in winds if load.windward != load.leeward and not load.shape]
     on_wall = any((picked_faces(surface, load.at, "wind") & faces_without_upper_side(surface)).any() for load in winds)
     if on_wall and min(float(np.dot(a.direction, b.direction)) for a in winds for b in winds) >= 0:
         log.note(
             "statics",
-            "the wind meets a wall, whose outside is the side of its faces' normals; add a case with the opposite wind",
+            "the wind acts on a wall; dsfab takes the side of the faces' normals as the outside; add a case with the "
+            "opposite wind",
         )
     objected = list(objections(preset, surface, results))
     for objection in objected:
@@ -369,7 +379,11 @@ def surface_step(preset: Preset, log: Log) -> Surface:
         count = pieces(surface.F, surface.edges)[0]
     if count > 1:
         doubled = coincident(surface.V)
-        merge = f", unless you merge the {doubled} vertices with equal coordinates" if doubled else ""
+        merge = (
+            f", unless the pieces join when you merge the {doubled} vertices that have equal coordinates"
+            if doubled
+            else ""
+        )
         log.note("surface", f"the surface has {count} separate pieces; each needs its own supports{merge}")
     for remark in parallel_remarks(surface.V, surface.F):
         log.note("surface", remark)
@@ -391,7 +405,11 @@ def base_surface(preset: Preset, log: Log | None = None) -> Surface:
     cut = surface_with_regions(static_preset, even, Log(None)) if preset.pattern.region else even
     surface = section.build(list(_stress_sizes(section, cut, statics_step(static_preset, cut, Log(None)))), source)
     if log:
-        log.note("surface", f"{surface.m:,} triangles instead of {even.m:,}, with small ones where the stress changes")
+        log.note(
+            "surface",
+            f"the surface has {surface.m:,} triangles instead of {even.m:,}, with small triangles "
+            f"where the stress changes",
+        )
     return surface
 
 

@@ -22,13 +22,13 @@ CLEAR_MOMENT = 1e-2
 
 @one_blas_thread()
 def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Sequence[Floats] = ()) -> Floats:
-    """Return right-handed orthonormal axes (3, 3), by rows, that rotate with the surface.
-    weights : (n,) weights of the vertices, not negative.
-    vectors : (3,) vectors, such as the resultant of the loads.
+    """Return right-handed orthonormal axes (3, 3), in rows. If the surface rotates, the axes rotate with it.
+    weights : arrays (n,) of vertex weights, not negative.
+    vectors : vectors (3,), such as the resultant of the loads.
 
     The first two axes come from the first of these directions that are not zero and not parallel:
     1. the vectors
-    2. the lines from the surface's centroid to the centroid of each weight
+    2. the lines from the surface's centroid to the weighted centroids
     3. the mean of |x|^2 x over the area, for x from the centroid
     4. principal axes of inertia
     5. the axes x, y and z"""
@@ -72,9 +72,9 @@ def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
 
 
 REPEATED = 1e-6  # Eigenvalues count as repeated if their relative difference is smaller.
-VISIBLE = 1e-2  # A reference field is used only if more than this fraction of it lies in the eigenspace.
+VISIBLE = 1e-2  # A reference field is used only if more than this fraction of the field lies in the eigenspace.
 SPARE = 2
-"""Number of additional eigenpairs, so that usually all copies of a repeated last eigenvalue are computed."""
+"""Number of additional eigenpairs. They usually include all copies of a last eigenvalue that is repeated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +105,8 @@ def diffusion_modes(
     surface: Surface, L: csr_array, k: int = 5, axes: Floats | None = None, symmetry: Symmetry | None = None
 ) -> Modes:
     """Return the first k modes of L x = lambda M x that are not constant [paper, section 3.4]; M is the Voronoi mass.
-    axes     : (3, 3) rows, which determine the signs of the modes.
-    symmetry : if set, return only symmetric modes.
+    axes     : (3, 3) axes in rows, which determine the signs of the modes.
+    symmetry : if not None, return only modes with this symmetry.
     Raises PatternError if the mesh has too few vertices for k modes."""
     return family_modes(surface, [L], k, axes, symmetry)[0]
 
@@ -118,8 +118,8 @@ def family_modes(
     axes: Floats | None = None,
     symmetry: Symmetry | None = None,
 ) -> list[Modes]:
-    """Return the modes of several operators (n, n) on one surface, with common axes (3, 3).
-    The nonzero entries of all operators must be at the same places."""
+    """Return the first k modes of each operator (n, n) on a surface; see `diffusion_modes`.
+    All operators must have the same sparsity pattern."""
     mass = voronoi_mass(surface)
     axes = reference_axes(surface) if axes is None else axes
     families, solve = [], None
@@ -154,7 +154,7 @@ def _modes(surface: Surface, L: csr_array, solve: Factor, k: int, axes: Floats, 
 
 
 def _root(surface: Surface, mass: Floats) -> Floats:
-    """Return the square root (n,) of the mass, above 0 at all vertices."""
+    """Return the square root (n,) of the mass of each vertex; a zero mass is replaced by the area of the surface."""
     return np.sqrt(np.where(mass > 0, mass, surface.area))
 
 
@@ -176,17 +176,19 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
 
 
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
-    """Return the `count` smallest eigenvalues, ascending, and their vectors (n, count).
-    solve : function of b that returns (A + shift)^-1 b."""
+    """Return the `count` smallest eigenvalues of a matrix A, ascending, and eigenvectors (n, count).
+    solve : function that returns (A + shift I)^-1 b for a vector b."""
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
     start = 1 + 0.5 * np.sin(np.arange(n))  # always the same start, so the same modes
     try:
         with one_blas_thread():
             vectors = min(n, max(20, 4 * count))
-            # the tolerance is 0, because copies of a repeated eigenvalue appear late, through rounding errors
+            # tolerance 0: copies of a repeated eigenvalue appear only late, from rounding errors
             theta, Y = eigsh(inverse, count, which="LA", v0=start, tol=0, ncv=vectors, maxiter=100 * count)
     except ArpackNoConvergence as error:
-        raise PatternError("the modes did not converge; refine the mesh or lower diffusion.r") from error
+        raise PatternError(
+            "the computation of the modes did not converge; refine the mesh or lower diffusion.r"
+        ) from error
     order = np.argsort(-theta, kind="stable")
     return 1 / theta[order] - shift, Y[:, order]
 
@@ -220,7 +222,7 @@ def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
 
 
 def _aligned_basis(space: Floats, fields: Floats, mass: Floats) -> Floats:
-    coordinates = space.T @ (mass[:, None] * fields)  # (c, fields)
+    coordinates = space.T @ (mass[:, None] * fields)  # a column for each field
     basis: list[Floats] = []
     for candidate in [*coordinates.T, *np.eye(space.shape[1])]:
         rest = candidate - sum((b * (b @ candidate) for b in basis), np.zeros_like(candidate))

@@ -30,18 +30,18 @@ from dsfab.surface import (
 
 IMAGE_OFF_SURFACE = 0.25  # Largest distance of a mirrored or rotated vertex from the surface, in mean edges.
 OFF_SUPPORT = 1.0
-"""Largest distance, in mean edges, of a mirrored or rotated supported vertex from the nearest supported vertex."""
+"""Largest distance of the image of a supported vertex from the nearest supported vertex, in mean edge lengths."""
 OFF_LOAD = (0.3, 0.02)
-"""Largest change of smoothed forces, and of resultants, by a mirror or rotation, as a fraction of the total load."""
+"""Largest changes of smoothed forces, then of resultants, by a mirror or rotation. Fractions of the total load."""
 SAMPLE_POINTS = 100  # Approximate number of points in quick checks, which come before the check of all points.
 
 
 @dataclass(frozen=True, eq=False)
 class Symmetry:
-    """A group of rotations and mirrors about a surface's centroid, and the images of its points.
+    """A group of g rotations and mirrors about the centroid of a surface.
     R     : (g, 3, 3) orthogonal matrices, the identity first.
     maps  : g sparse (n, n) matrices. maps[i] @ x is the field x at the images of the vertices under R[i].
-    faces : (g, m) face at the image of each face's centroid."""
+    faces : (g, m) face on which the image of each face's centroid lies."""
 
     R: Floats
     maps: tuple[csr_array, ...]
@@ -53,31 +53,31 @@ class Symmetry:
 
     @property
     def order(self) -> int:
-        """Number of rotations and mirrors, with the identity."""
+        """Number of rotations and mirrors in the group, with the identity."""
         return len(self.R)
 
     def mean(self, x: Floats) -> Floats:
-        """Return a symmetric field (n, ...): the mean of a field over all images of each vertex."""
+        """Return a symmetric field (n, ...): at each vertex, the mean of field x over all images of the vertex."""
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / self.order)
 
     def maximum(self, x: Floats) -> Floats:
-        """Return the maximum (n,) of a field over all images of each vertex."""
+        """Return a symmetric field (n,): at each vertex, the maximum of field x over all images of the vertex."""
         return np.asarray(np.max([x, *(T @ x for T in self.maps[1:])], axis=0))
 
     def mean_stress(self, sigma: Floats) -> Floats:
-        """Return a symmetric field of tensors (m, 3, 3): the mean over all images of each face, rotated back."""
+        """Return a symmetric tensor field (m, 3, 3): on each face, the mean over all images, each rotated back."""
         total = sum(R.T @ sigma[face] @ R for R, face in zip(self.R, self.faces, strict=True))
         return np.asarray(total / self.order)
 
     def asymmetry(self, surface: Surface, x: Floats) -> float:
-        """Return the largest RMS difference of a field (n,) from its images, divided by the field's RMS."""
+        """Return the largest RMS difference between a field x (n,) and its images, divided by the RMS of x."""
         mass = surface.vertex_areas
         size = float(np.sqrt(mass @ x**2))
         return max(float(np.sqrt(mass @ (T @ x - x) ** 2)) for T in self.maps) / size
 
     def invariant(self, L: csr_array, X: Floats, mass: Floats) -> tuple[Floats, Floats]:
-        """Return eigenvalues (j,) and symmetric modes (n, j) in the space of the modes X (n, k).
-        mass : (n,) diagonal of M, for X^T M X = I."""
+        """Return the symmetric modes (n, j) of L in the space that modes X (n, k) span, and their eigenvalues (j,).
+        mass : (n,) diagonal of the mass matrix M, with X^T M X = I."""
         Y = self.mean(X)
         share, C = np.linalg.eigh(Y.T @ (mass[:, None] * Y))
         keep = share > 0.5**2  # shares are near 0 or near 1, so the exact limit does not matter
@@ -88,7 +88,7 @@ class Symmetry:
 
 def symmetry_of(surface: Surface, words: Sequence[str], *loads: LoadCase) -> Symmetry:
     """Return the group of mirrors and rotations that `words` generate.
-    words : such as `x` for a mirror of x, or `rot:6:z` for a sixth of a turn about z.
+    words : texts, such as `x` for a mirror that negates x, or `rot:6:z` for a sixth of a rotation about z.
     Raises PatternError for unknown words, and if the surface, a support or a load is not symmetric."""
     return checked_symmetry(surface, symmetry_group(words), loads, str(list(words)))
 
@@ -102,8 +102,8 @@ def face_tree(surface: Surface) -> igl.AABB:
 def checked_symmetry(
     surface: Surface, R: Floats, loads: Sequence[LoadCase], words: str, tree: igl.AABB | None = None
 ) -> Symmetry:
-    """Return the symmetry with the given rotations and mirrors.
-    R : (g, 3, 3), the identity first.    words : name of the symmetry in messages.
+    """Return the symmetry that consists of given rotations and mirrors.
+    R : (g, 3, 3) matrices, the identity first.    words : name of the symmetry in messages.
     Raises PatternError if the surface, a support or a load is not symmetric."""
     centre = centroid(surface)
     maps, faces, edge = [csr_array(eye_array(surface.n))], [np.arange(surface.m)], surface.mean_edge
@@ -129,7 +129,8 @@ def checked_symmetry(
 
 def _symmetry_error(words: str, subject: str, finding: str) -> PatternError:
     return PatternError(
-        f"diffusion.symmetry = {words}, but {subject} not symmetric: {finding}; correct this, or request less symmetry"
+        f"diffusion.symmetry = {words}, but {subject} not symmetric: {finding}; correct the model, or set fewer "
+        f"symmetries"
     )
 
 
@@ -156,7 +157,9 @@ def symmetry_group(words: Sequence[str]) -> Floats:
     try:
         return generated_group([_generator(word) for word in words])
     except OverflowError:
-        raise PatternError(f"symmetry = {list(words)} gives over {LARGEST_GROUP} symmetries; list fewer") from None
+        raise PatternError(
+            f"symmetry = {list(words)} gives over {LARGEST_GROUP} symmetric images; list fewer symmetries"
+        ) from None
 
 
 def largest_distance(surface: Surface, tree: igl.AABB, points: Floats) -> float:
@@ -166,7 +169,7 @@ def largest_distance(surface: Surface, tree: igl.AABB, points: Floats) -> float:
 
 
 def point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float, csr_array]:
-    """Return the largest distance of points (p, 3) from the surface, and an interpolation matrix (p, n)."""
+    """Return the largest distance of points (p, 3) from the surface, and a matrix (p, n) for interpolation."""
     squared, face, nearest_points = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))
     corner = surface.F[face]
     weight = np.clip(weights_at(nearest_points, surface.V, corner), 0, 1)
@@ -194,7 +197,9 @@ def _check_supports(surface: Surface, symmetry: Symmetry, words: str, load: Load
             if not alike:
                 axes = "".join(axis for axis, is_held in zip("xyz", holds, strict=True) if is_held)
                 raise _symmetry_error(
-                    words, "the supports are", f"supports that hold only {axes} hold other axes after a turn or mirror"
+                    words,
+                    "the supports are",
+                    f"supports that hold only {axes} would hold other axes after the rotation or reflection",
                 )
             image = (surface.V[of_kind] - centre) @ R.T + centre
             equal = np.flatnonzero(np.isin(kind.ravel(), alike))
@@ -233,15 +238,15 @@ def _smoothed_forces(surface: Surface, force: Floats, rounds: int = 6) -> Floats
 
 
 TURNS = (12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2)
-"""Rotations about an axis that the search tries: 1 / n of a full rotation for each n."""
+"""The search tries rotations about an axis by 1 / n of a full rotation, for each n."""
 ROUND = (7, 5)
 """A surface counts as round if it is symmetric under rotations by 1 / 7 and by 1 / 5 of a full rotation."""
 LENIENT = 1.5  # Quick checks multiply all tolerances by this factor.
 
 
 def largest_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) -> Symmetry | None:
-    """Return the largest symmetry group of a surface with its loads; None without any mirror or rotation.
-    axes : (3, 3) in rows; the tried mirrors and rotations depend on these axes."""
+    """Return the largest symmetry group of a surface with its loads; None if it has no mirror and no rotation.
+    axes : (3, 3) in rows, which determine the tried mirrors and rotations."""
     glance = _QuickCheck(surface, tuple(loads))
     generators = [R for R in _generators(surface, axes, glance) if glance.allows(R)]
     if not generators:
@@ -275,13 +280,13 @@ class _QuickCheck:
 
     @cached_property
     def _held_points(self) -> list[tuple[Floats, cKDTree]]:
-        """For each load case with supports: some supported points, and a tree of all."""
+        """For each load case with supports: a sample of supported points, and a search tree of all supported points."""
         held_points = [self.surface.V[load.supported] - self.centre for load in self.loads]
         return [(x[:: max(len(x) // SAMPLE_POINTS, 1)], cKDTree(x)) for x in held_points if len(x)]
 
     @cached_property
     def _moments(self) -> list[tuple[Floats, Floats, float]]:
-        """Resultant (N), moments (N m) and sum of the forces (N) of each load case."""
+        """Resultant (N), first moments (N m) and sum of force magnitudes (N) of each load case."""
         arm = self.surface.V - self.centre
         forces = [load.force for load in self.loads]
         return [(f.sum(axis=0), arm.T @ f, float(np.linalg.norm(f, axis=1).sum())) for f in forces]
@@ -323,7 +328,8 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 
 
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
-    """Return the normal of the mirror that best maps a round mesh onto itself."""
+    """Return the normal of the mirror that best maps a round mesh onto itself.
+    x : (n, 3) vectors from the axis to the vertices.    V : (n, 3) vertices, relative to the centroid."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]
@@ -332,7 +338,7 @@ def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: 
     images = np.concatenate([outer @ mirror(normal).T for normal in N])
     misfit = np.square(outer_tree.query(images)[0]).reshape(len(N), -1).sum(axis=1) / edge**2
     on_mirror = sum((1 / (1 + np.square(n @ outer.T / edge))).sum(axis=1) for n in (N, np.cross(axis, N)))
-    # of mirrors with equal misfits, choose the mirror with most vertices near its plane or the perpendicular plane
+    # a tie goes to the mirror with the most vertices near its plane or near the perpendicular plane
     ranks = zip(np.round(misfit, 6).tolist(), (-np.round(on_mirror, 6)).tolist(), range(len(N)), strict=True)
     return np.asarray(N[min(ranks)[2]])
 

@@ -13,9 +13,9 @@ from dsfab.surface.fields import assemble, hat_gradients, tangents
 
 
 def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
-    """Return one stress for all layers of a sheet: (m, 3, 3) Pa, symmetric, tangent to the faces.
+    """Return a stress that represents all layers of a sheet: (m, 3, 3), Pa, symmetric, tangent to the faces.
     membrane : (m, 3, 3) stress of the middle surface, Pa.
-    bending  : (m, 3, 3) stress that bending adds at the bottom (the side opposite to the normal), Pa."""
+    bending  : (m, 3, 3) stress that bending adds at the side opposite to the normal, Pa."""
     t = tangents(surface)
     flat, bent = (np.einsum("mai,mij,mbj->mab", t, sigma, t, optimize=True) for sigma in (membrane, bending))
     square = _deviator(flat) ** 2 + _deviator(bent) ** 2 / 3
@@ -32,7 +32,7 @@ def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
 
 
 def only_bends(membrane: Floats, bending: Floats) -> bool:
-    """Return True if the stress (..., 3) of the middle surface is tiny beside the bending stress."""
+    """Return True if the stress (..., 3) of the middle surface is much smaller than the bending stress."""
     return float(np.abs(membrane).max()) < 1e-3 * float(np.abs(bending).max())
 
 
@@ -48,8 +48,8 @@ ISOTROPY = 0.02  # Largest difference of an isotropic face's principal stresses,
 class DiffusionTensors:
     """Two symmetric tensors for each face, which act on gradients in the face's plane.
     major     : (m, 3, 3) tensors of the major stripes.    minor : (m, 3, 3) tensors of the minor stripes.
-    isotropic : (m,) faces without a preferred direction.
-    principal : (m, 2) primary and secondary principal stress, Pa, multiplied by the factor gamma of the preset."""
+    isotropic : (m,) mask of faces without a clear stress direction.
+    principal : (m, 2) first and second principal stress, Pa, times the factor gamma of the preset."""
 
     major: Floats
     minor: Floats
@@ -74,8 +74,8 @@ def diffusion_tensors(
     sigma     : (m, 3, 3) stress, Pa, tangent to the faces.
     r         : anisotropy, >= 1; 1 gives the Laplacian.
     gamma     : factor on the stress.
-    labelling : choice of the primary stress: the algebraically larger (`signed`), or the larger absolute value.
-    isotropy  : limit for faces without a preferred direction."""
+    labelling : order of the principal stresses: the larger value first (`signed`), or the larger absolute value.
+    isotropy  : relative difference of principal stresses below which a face counts as isotropic."""
     stress, direction = principal_stresses(surface, sigma)
     if labelling == "magnitude":
         swap = np.abs(stress[:, 1]) > np.abs(stress[:, 0])
@@ -91,8 +91,8 @@ def diffusion_tensors(
 
 
 def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Sequence[float]) -> Floats:
-    """Combine the stresses of load cases to one tensor (m, 3, 3), Pa. Tension and compression count alike.
-    stresses : (m, 3, 3) each, Pa, tangent to the faces.    weights : 0 or more for each case."""
+    """Combine the stresses of load cases to a single tensor (m, 3, 3), Pa, from absolute principal stresses.
+    stresses : (m, 3, 3) of each case, Pa, tangent to the faces.    weights : weight of each case, at least 0."""
     total = np.zeros((surface.m, 3, 3))
     for sigma, weight in zip(stresses, weights, strict=True):
         stress, direction = principal_stresses(surface, sigma)
@@ -101,7 +101,7 @@ def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Seque
 
 
 def principal_stresses(surface: Surface, sigma: Floats) -> tuple[Floats, Floats]:
-    """Return principal stresses (m, 2) of the faces, larger first, and directions (m, 2, 3) [Mohr 1882]."""
+    """Return principal stresses (m, 2) of the faces, the larger first, and their directions (m, 2, 3) [Mohr 1882]."""
     t = tangents(surface)
     planar = np.einsum("mai,mij,mbj->mab", t, sigma, t, optimize=True)
     xx, yy, xy = planar[:, 0, 0], planar[:, 1, 1], planar[:, 0, 1]
@@ -121,8 +121,8 @@ def _is_isotropic(stress: Floats, labelling: Labelling, tolerance: float, refere
 
 
 def diffusion_operator(surface: Surface, D: Floats) -> csr_array:
-    """Return the weak form of -div(D grad), paper eq. 5, for linear functions [Andreux et al. 2014].
-    D : (m, 3, 3) symmetric, positive on each face's plane, dimensionless.
+    """Return the weak form of -div(D grad), paper eq. 5, for linear elements [Andreux et al. 2014].
+    D : (m, 3, 3) tensors, symmetric, positive definite in the plane of each face, dimensionless.
     Returns L : (n, n) symmetric positive semidefinite."""
     g, A = hat_gradients(surface), surface.areas  # (m, 3 corners, 3 xyz) per metre; (m,) square metres
     return assemble(surface, np.einsum("mia,mab,mjb,m->mij", g, D, g, A, optimize=True))

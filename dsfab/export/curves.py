@@ -1,4 +1,4 @@
-"""Smooth curves through polylines within a tolerance."""
+"""Fits of smooth curves to polylines within a tolerance."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,14 +21,14 @@ AT_ONCE = 5_000  # number of samples in one batch of lines, for the processor's 
 
 THIRDS = np.arange(4) / 3
 POWERS = np.linalg.inv(THIRDS[:, None] ** np.arange(4))
-"""Matrix from a cubic's values at thirds of a span to its coefficients of 1, x, x^2 and x^3, with x from 0 to 1."""
+"""Matrix that maps a cubic's values at x = 0, 1/3, 2/3, 1 of a span to its coefficients of 1, x, x^2 and x^3."""
 Refined = tuple[Floats, Floats, int, float]  # knots, poles, degree, and the largest distance from the polyline
 
 
 @dataclass(frozen=True, eq=False)
 class SampledLine:
     """Polyline with samples at equal distances. smooth : True for a closed line with the same tangent at both ends.
-    line  : (k, d) points.    length : (k,) arc lengths, mm.    count : number of samples."""
+    line  : (k, d) points.    length : (k,) arc lengths, mm.    count : number of steps between samples."""
 
     line: Floats
     length: Floats
@@ -38,37 +38,37 @@ class SampledLine:
 
     @classmethod
     def from_points(cls, points: Floats, smooth: bool) -> Self:
-        """Return a sampled line through points (k, d)."""
+        """Return the polyline through points (k, d), with samples."""
         length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
         total = float(np.round(length[-1], KNOT_DIGITS))
         return cls(points, length, total, max(8 * len(points), 16 * SAMPLES_PER_SPAN), smooth)
 
     @property
     def bow(self) -> float:
-        """Largest distance between the line and its chord."""
+        """Largest distance (mm) between points of the line and of its chord at the same fraction of the length."""
         share, start, end = self.length / self.length[-1], self.line[0], self.line[-1]
         return float(np.linalg.norm(self.line - start - share[:, None] * (end - start), axis=1).max())
 
     @cached_property
     def sample_lengths(self) -> Floats:
-        """Arc length along the line at each sample (count + 1,)."""
+        """Arc length (count + 1,) along the line at each sample, mm."""
         return np.asarray(np.arange(self.count + 1) / self.count * self.total)
 
     @cached_property
     def samples(self) -> Floats:
-        """Points of all samples (count + 1, d)."""
+        """Points (count + 1, d) of all samples."""
         return np.stack(self._points_at(np.arange(self.count + 1) / self.count), axis=1)
 
     @cached_property
     def check_points(self) -> tuple[Floats, list[Floats]]:
-        """Points of a comparison: arc lengths (q,), and an array (q,) for each coordinate."""
+        """Points for comparison with a curve: arc lengths (q,), mm, and an array (q,) for each coordinate."""
         finer = 4 * self.count
         share = np.union1d(np.arange(finer + 1) / finer, self.length / self.length[-1])
         return share * self.total, self._points_at(share)
 
     @property
     def breaks(self) -> Floats:
-        """(s,) arc lengths, mm, at the ends of the spans of the first spline."""
+        """Arc lengths (s,), mm, at the ends of the spans of the first spline in a fit."""
         return np.array([0.0, self.total / 2, self.total] if self.smooth else [0.0, self.total])
 
     def _points_at(self, shares: Floats) -> list[Floats]:
@@ -76,7 +76,8 @@ class SampledLine:
 
 
 def splines_by_halving(runs: Sequence[SampledLine], tolerance: float) -> list[Refined | None]:
-    """Fit a spline to each line within a tolerance (mm); None for a line with too few samples."""
+    """Fit a spline to each line within a tolerance (mm), and halve spans of the spline until it fits.
+    The result is None for a line with too few samples."""
     splines: list[Refined | None] = [None] * len(runs)
     for batch in _batches(runs):
         breaks = {k: runs[k].breaks for k in batch}
@@ -111,7 +112,7 @@ def _batches(runs: Sequence[SampledLine]) -> Iterator[list[int]]:
 
 
 class SplineSystem:
-    """Cubic splines along several lines. breaks : for each line, (b,) ends of its spans, mm."""
+    """Cubic splines along several lines. breaks : for each line, arc lengths (b,) at the ends of its spans, mm."""
 
     def __init__(self, runs: list[SampledLine], breaks: list[Floats]) -> None:
         self.runs, self.breaks = runs, breaks
@@ -168,7 +169,8 @@ class SplineSystem:
         return poles
 
     def errors(self, poles: Floats) -> list[Floats]:
-        """Return, for each line, distances (s,) of its curve's spans from the polyline. poles : (n, d)."""
+        """Return, for each line, the largest distance (s,) of each span of its spline from the polyline, mm.
+        poles : (n, d) poles of all splines."""
         begin = np.concatenate([lengths[:-1] for lengths in self.breaks])
         wide = np.concatenate([lengths[1:] - lengths[:-1] for lengths in self.breaks])
         four = (begin[:, None] + wide[:, None] * THIRDS).ravel()
@@ -188,15 +190,15 @@ class SplineSystem:
 
 
 SHARP = np.deg2rad(35.0)
-"""Smallest bend (radians) at a corner of an outline. Between chords of a fillet, bends are at most 34 degrees."""
+"""Smallest bend (radians) at a corner of an outline. Bends between the chords of a fillet are at most 34 degrees."""
 SPANS = 4
-"""Largest number of spans of an edge of a plane face. With more, CAD programs integrate volumes with too few points."""
+"""Largest number of spans of an edge of a plane face. With more spans, CAD programs compute inaccurate volumes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Curve(Spline):
-    """A line or a cubic in the plane or in space; knots and poles in millimetres.
-    deviation : largest distance between curve and polyline, mm."""
+    """A straight line or a cubic spline in the plane or in space; knots and poles in millimetres.
+    deviation : largest distance between the curve and its polyline, mm."""
 
     deviation: float
 
@@ -206,7 +208,7 @@ class Curve(Spline):
 
 
 def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve] | None:
-    """Fit at least two curves to the closed polyline `loop` (k, 2); None if no spline is within the tolerance.
+    """Fit at least two curves to the closed polyline `loop` (k, 2), mm; None if no spline is within the tolerance.
     corner : (k,) True where a curve must end."""
     corners = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
     if len(corners) > 1:
@@ -229,7 +231,7 @@ def turning(loop: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Polyline:
-    """A polyline: points (k, 2) or (k, 3). most : largest number of samples of the fit.
+    """A polyline with points (k, 2) or (k, 3). most : largest number of samples in a fit.
     smooth : True for a closed line with the same tangent at both ends."""
 
     points: Floats
@@ -238,12 +240,12 @@ class Polyline:
 
 
 def fitted_curve(line: Floats, tolerance: float, smooth: bool = False) -> Curve | None:
-    """Fit one curve to the polyline (k, 2) or (k, 3); None if the curve needs too many samples."""
+    """Fit a single curve to the polyline `line` (k, 2) or (k, 3), mm; None if the fit needs too many samples."""
     return fitted_curves([Polyline(line, smooth)], tolerance)[0]
 
 
 def fitted_curves(lines: Sequence[Polyline], tolerance: float) -> list[Curve | None]:
-    """Fit one curve to each polyline; None for a curve that needs too many samples."""
+    """Fit a single curve to each polyline within `tolerance` (mm); None if the fit needs too many samples."""
     curves: list[Curve | None] = [None] * len(lines)
     open_runs = dict[int, SampledLine]()
     for k, line in enumerate(lines):
@@ -300,18 +302,18 @@ def _split(curve: Curve, parameter: float) -> list[Curve]:
 
 CLOSEST = 1e-3  # smallest tolerance (mm) of curves
 SAMPLES_PER_POINT, FEWEST_SAMPLES = 32, 400
-"""Largest number of samples of a curve: SAMPLES_PER_POINT times the polyline's points, or FEWEST_SAMPLES if larger.
-With more samples, the curve could have more poles than the polyline has points."""
+"""Largest number of samples of a polyline: the larger of FEWEST_SAMPLES, and SAMPLES_PER_POINT * number of points.
+With more samples, the fitted curve could have more poles than the polyline has points."""
 REMEMBERED = 4096  # number of lines whose curves stay in the cache
 
 
 def curve_tolerance(part: Part) -> float:
-    """Return the tolerance of the curves along a part's lines (mm)."""
+    """Return the tolerance (mm) of the curves that are fitted to a part's lines."""
     return max(part.details.tolerance, CLOSEST)
 
 
 def chains(part: Part) -> list[list[Curve]]:
-    """Return the fitted curves along each line of a part, in order."""
+    """Return, for each line of a part, the fitted curves in order along the line."""
     return all_curves_along([line.points for line in part.details.lines], curve_tolerance(part))
 
 
@@ -321,7 +323,7 @@ def curves_along(points: Floats, tolerance: float) -> list[Curve]:
 
 
 def all_curves_along(lines: Sequence[Floats], tolerance: float) -> list[list[Curve]]:
-    """Fit curves to each polyline (k, 3) within `tolerance` (mm)."""
+    """Fit curves to each polyline (k, 3) within `tolerance` (mm), as in `curves_along`."""
     lines = [np.ascontiguousarray(points, dtype=np.float64) for points in lines]
     keys = [(points.tobytes(), points.shape, tolerance) for points in lines]
     chain_by_key = {key: _remembered[key] for key in keys if key in _remembered}
@@ -375,7 +377,7 @@ def _segments(points: Floats) -> list[Curve]:
 
 
 def joined_segments(chain: list[Curve]) -> list[Curve | Floats]:
-    """Merge neighbouring straight curves of a chain into polylines (k, 3)."""
+    """Merge neighbouring straight curves into polylines (k, 3). Return splines and polylines in order."""
     pieces = list[Curve | Floats]()
     for straight, group in groupby(chain, key=lambda curve: curve.is_straight):
         run = list(group)
@@ -384,7 +386,7 @@ def joined_segments(chain: list[Curve]) -> list[Curve | Floats]:
 
 
 def sample_parameters(knots: Floats, per_span: int = 16) -> Floats:
-    """Return ascending parameters (k,) along a curve with knots (p,), `per_span` in each span."""
+    """Return ascending parameters (k,) along a curve with knots (p,). Each span gets `per_span` parameters."""
     breaks = np.unique(knots)
     inner = breaks[:-1, None] + np.diff(breaks)[:, None] * (np.arange(per_span) / per_span)
     return np.append(inner.ravel(), breaks[-1])
@@ -392,7 +394,7 @@ def sample_parameters(knots: Floats, per_span: int = 16) -> Floats:
 
 def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> ReadBack:
     """Compare the curves in a file with the lines of a part. Raises ExportError for a difference.
-    curves_read : points (k, 3) along each curve of a line, mm, by line id."""
+    curves_read : by line id, points (k, 3) along each curve of the line, mm."""
     lines = {line.id: line.points for line in part.details.lines}
     require_equal(part, "lines", lines.keys(), curves_read.keys())
     error = check_length(part, sum(polyline_length(points) for curves in curves_read.values() for points in curves))
@@ -401,17 +403,20 @@ def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> Rea
         box_read, box_expected = (np.array([x.min(axis=0), x.max(axis=0)]) for x in clouds)
         if not (moved := float(np.abs(box_read - box_expected).max())) <= 2 * curve_tolerance(part):
             raise ExportError(
-                f"the line {name} of {part.name!r} reads back {moved:.3g} mm away from its place; write another format"
+                f"the line {name} of {part.name!r} is {moved:.3g} mm from its place when the file is read back; write "
+                f"another format"
             )
     return ReadBack(len(curves_read), "lines", error, "length")
 
 
 def check_length(part: Part, length_read: float) -> float:
-    """Return the relative error of the lines' length (mm). Raises ExportError if the error is too large."""
+    """Return the relative error of the total length of a part's lines in a file. Raises ExportError for a large error.
+    length_read : total length in the file, mm."""
     expected = sum(polyline_length(line.points) for line in part.details.lines)
     if not abs(length_read - expected) <= 5 * READ_BACK * expected:
         raise ExportError(
-            f"the lines of {part.name!r} are {length_read:.6g} mm long in the file instead of {expected:.6g} mm; "
+            f"the total length of the lines of {part.name!r} is {length_read:.6g} mm in the file instead of "
+            f"{expected:.6g} mm; "
             "write another format"
         )
     return length_read / expected - 1

@@ -1,4 +1,4 @@
-"""File formats, and the function `write` for a solid or a sheet."""
+"""File formats, and the function `write` that writes a solid or a sheet."""
 
 import difflib
 import time
@@ -33,16 +33,16 @@ MISSING: dict[MemberContent, str] = {
     "utilisation": "no members to check; only a design has members",
     "frame": "no beam model; only a design has a beam model",
 }
-"""Error text for a part that lacks the content of a format."""
+"""Error message for a part without content, by the kind of content."""
 
 
 @dataclass(frozen=True)
 class Format:
     """A file format.
-    encode  : returns the bytes.
-    check   : reads the file back; raises ExportError if the content differs.
-    prepare : returns the part with the format's rounding.
-    ready   : raises ExportError if a library of the format is not installed."""
+    encode  : function that yields the bytes of the file.
+    check   : function that reads the file back; raises ExportError if the content differs.
+    prepare : function that returns the part with the format's rounding of numbers.
+    ready   : function that raises ExportError if a library of the format is not installed."""
 
     encode: Callable[[Part], Iterator[bytes]]
     check: Callable[[Part, Path], ReadBack]
@@ -54,9 +54,9 @@ class Format:
 class MeshFormat(Format):
     """A format for meshes.
     sheets       : True if the format can contain an open sheet.
-    alternatives : yields versions of the part, the best first; an ExportError for an omitted version.
-    sentence     : returns a sentence about the chosen version.
-    refusal      : returns the error to raise if all versions were refused."""
+    alternatives : function that yields versions of the part, the best first; an ExportError for an omitted version.
+    sentence     : function that returns a sentence about the chosen version.
+    refusal      : function that returns the error to raise if all versions were refused."""
 
     sheets: bool = True
     alternatives: Callable[[Part], Iterable[Part | ExportError]] = lambda part: (part,)
@@ -66,7 +66,7 @@ class MeshFormat(Format):
 
 @dataclass(frozen=True)
 class SheetFormat(Format):
-    """A format for lines or fields of a sheet.
+    """A format for lines on a sheet or for values at its vertices and faces (fields).
     content : required content of the part.
     curves  : True if the format contains smooth curves."""
 
@@ -77,8 +77,8 @@ class SheetFormat(Format):
 @dataclass(frozen=True)
 class MemberFormat(Format):
     """A format for members, forces of members, or the beam model.
-    content  : name of the field of `Details` to write.
-    sentence : returns a sentence about the content, or ''."""
+    content  : name of the attribute of `Details` with the content of the file.
+    sentence : function that returns a sentence about the content, or ''."""
 
     content: MemberContent = field(kw_only=True)
     sentence: Callable[[Part], str] = lambda part: ""
@@ -87,7 +87,7 @@ class MemberFormat(Format):
 @dataclass(frozen=True)
 class Written:
     """A file that was written and read back.
-    size : bytes.    seconds : time of writing and reading.    found : content."""
+    size : bytes.    seconds : time of writing and reading.    found : content that was read back."""
 
     path: Path
     size: int
@@ -96,7 +96,7 @@ class Written:
 
     @property
     def summary(self) -> str:
-        """One line: 'step: 2.23 MB, 1,408 faces, volume error 3e-04, 16 s'."""
+        """Text such as 'step: 2.23 MB, 1,408 faces, volume error 3e-04, 16 s'."""
         seconds = f"{self.seconds:.2g}" if self.seconds < 100 else f"{self.seconds:.0f}"
         return f"{suffix_of(self.path)[1:]}: {self.size / 1e6:.3g} MB, {self.found.summary}, {seconds} s"
 
@@ -179,10 +179,10 @@ def write(
     """Write a solid or a sheet in the format of the suffix of `path`; return the path.
     thing   : solid or sheet, m. Files are in millimetres (.glb in metres).
     name    : name of the part in the file; by default the file's name without suffix.
-    step    : options of STEP files, or only the name of the route.
-    details : lines, fields and facts.
-    note    : receives a sentence on the chosen route of a STEP file.
-    report  : receives size, seconds, number of triangles or faces, and the error of the volume.
+    step    : options of STEP files, or only the name of the strategy (route).
+    details : content besides the mesh: lines, values at vertices or faces, members.
+    note    : function that receives a sentence on the chosen route of a STEP file.
+    report  : function that receives the size, the seconds, and the content that was read back.
     Raises ExportError for an unknown suffix, a missing library, missing data, or a failed export."""
     begin, path = time.perf_counter(), Path(path)
     form = format_of(path)
@@ -192,7 +192,7 @@ def write(
         open_formats = ", ".join(suffix for suffix, f in FORMATS.items() if holds_sheets(f))
         raise ExportError(
             f"{path.name}: a {path.suffix.lower()} file needs a closed solid, but {part.name!r} is an open sheet; "
-            f"thicken it first, or write {open_formats}"
+            f"thicken the sheet first, or write {open_formats}"
         )
     part = _with_options(part, step, details)
     _require_content(form, part, suffix_of(path))
@@ -209,10 +209,10 @@ def write(
 def step_estimates(
     thing: Solid | Surface, *, name: str = "part", step: StepOptions | Route = "auto", details: Details | None = None
 ) -> tuple[Estimate, ...]:
-    """Return the estimated cost of each route to a STEP file of a solid."""
+    """Return the estimated cost of each way (route) to write a solid as STEP. name : name of the part."""
     part = part_of(thing, name)
     if not part.is_solid:
-        raise ExportError(f"STEP needs a closed solid, but {name!r} is an open sheet; thicken it first")
+        raise ExportError(f"STEP needs a closed solid, but {name!r} is an open sheet; thicken the sheet first")
     return estimates(strategies.prepare(_with_options(part, step, details)))
 
 
@@ -245,7 +245,10 @@ def _require_content(form: Format, part: Part, suffix: str) -> None:
     if not isinstance(form, MemberFormat):
         return
     if form.content == "member_forces" and details.member_forces is not None and not details.member_forces:
-        raise ExportError(f"{part.name!r} has no member with a long enough bay between nodes; write forces.csv instead")
+        raise ExportError(
+            f"no member of {part.name!r} is long enough between two nodes for a table of forces; write forces.csv "
+            f"instead"
+        )
     if not getattr(details, form.content):
         raise ExportError(f"{part.name!r} has {MISSING[form.content]}: use design.write(...)")
 
@@ -272,19 +275,21 @@ def _put(form: MeshFormat | SheetFormat | MemberFormat, part: Part, temporary: P
 
 
 def suffix_of(path: Path) -> str:
-    """Return the suffix in lower case, such as `.step` or `.lines.step`."""
+    """Return the suffix of a file name in lower case, such as `.step` or `.lines.step`."""
     double = "".join(path.suffixes[-2:]).lower()
     file_name = f".{path.name}".lower() if path.suffix else ""
     return next((name for name in (file_name, double) if name in FORMATS), path.suffix.lower())
 
 
 def format_of(path: Path) -> MeshFormat | SheetFormat | MemberFormat:
-    """Return the format of a suffix.
+    """Return the file format for the suffix of `path`.
     Raises ExportError for an unknown suffix."""
     suffix = suffix_of(path)
     if suffix in FORMATS:
         return FORMATS[suffix]
     similar = difflib.get_close_matches(suffix, FORMATS, n=1, cutoff=0.5)
     hint = f"did you mean {similar[0]}? " if similar else ""
-    problem = f"the suffix {suffix!r} of {path.name} names no format" if suffix else f"{str(path)!r} has no suffix"
+    problem = (
+        f"the suffix {suffix!r} of {path.name} is not a known file format" if suffix else f"{str(path)!r} has no suffix"
+    )
     raise ExportError(f"{problem}; {hint}use one of {', '.join(FORMATS)}")

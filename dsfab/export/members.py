@@ -1,4 +1,4 @@
-"""Facts of members and nodes for files: rounded lengths in millimetres, and texts."""
+"""Facts about members and nodes for files: texts, and rounded lengths in millimetres."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -17,8 +17,8 @@ LENGTH_DIGITS, CURVATURE_DIGITS = 4, 9  # decimals of lengths (mm), and of direc
 
 @dataclass(frozen=True)
 class MemberFacts:
-    """Facts of a member: lengths in mm, areas in mm2, names of its nodes.
-    own_area     : area of the member without the overlaps that belong to crossing members.
+    """Facts about a member for files: lengths in mm, areas in mm2, and the names of its nodes.
+    own_area     : area of the member without overlaps that count as area of crossing members.
     counted_with : names of these crossing members."""
 
     member: "Member"
@@ -31,7 +31,7 @@ class MemberFacts:
 
     @property
     def words(self) -> dict[str, str]:
-        """Facts as texts by name, for CAD files."""
+        """Facts as texts, by the name of the fact, for CAD files."""
         facts = {key: str(getattr(self.member, key)) for key in ("kind", "family", "stripe")}
         facts = {key: text for key, text in facts.items() if text}
         facts |= {"length_mm": f"{self.length:.1f}", "width_mm": f"{self.width:.1f}"}
@@ -66,7 +66,7 @@ def _facts(graph: "MemberGraph", k: int, is_whole: bool) -> MemberFacts:
 
 
 def member_entries(part: Part) -> list[dict[str, Any]]:
-    """Return the facts of each member of a part as a dictionary for a JSON file."""
+    """Return a dictionary of facts for each member of a part, for a JSON file."""
     return [_member_entry(graph_of(part), facts) for facts in facts_of_members(part).values()]
 
 
@@ -101,7 +101,7 @@ def _axis(axis: "MemberAxis", sides: Floats) -> dict[str, Any]:
 
 
 def node_entry(node: "Node") -> dict[str, Any]:
-    """Return the facts of a node as a dictionary for a JSON file."""
+    """Return a dictionary of facts about a node, for a JSON file."""
     return {
         "id": node.id,
         "kind": node.kind,
@@ -115,12 +115,12 @@ def node_entry(node: "Node") -> dict[str, Any]:
 
 
 def rounded_mm(metres: float) -> float:
-    """Return a length in millimetres, rounded for files."""
+    """Convert a length from metres to millimetres, and round it for files."""
     return round(MM_PER_M * metres, LENGTH_DIGITS) + 0.0
 
 
 def rounded_lists(values: Floats, digits: int = LENGTH_DIGITS) -> list[Any]:
-    """Return an array as nested, rounded lists for files."""
+    """Convert an array to nested lists of numbers with `digits` decimals, for files."""
     lists: list[Any] = (values.round(digits) + 0.0).tolist()
     return lists
 

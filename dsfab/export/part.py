@@ -31,8 +31,8 @@ class DividedSheet(NamedTuple):
     """A sheet divided into charts (parts).
     V, F, D   : (n', 3) vertices, (m', 3) faces and (n', 3) half-thickness vectors, m.
     chart     : (m',) number of the chart of each face.
-    half_edge : (k,) half-edges on the boundary of the sheet, numbered 3 face + corner.
-    family    : (k,) number of the field whose cut made each half-edge; -1 on the uncut boundary."""
+    half_edge : (k,) half-edges on the boundary of the sheet; the number is 3 * face + corner.
+    family    : (k,) number of the pattern's field that cut the sheet at each half-edge; -1 on the uncut boundary."""
 
     V: Floats
     F: Ints
@@ -44,9 +44,9 @@ class DividedSheet(NamedTuple):
 
 class StripedSheet(NamedTuple):
     """A sheet divided along all edges of its stripes.
-    F       : (m, 3) cells, oriented as the uncut surface.
+    F       : (m, 3) triangles ("cells"), oriented as the uncut surface.
     weights : (n', n) barycentric weights on the n vertices of the uncut surface.
-    label   : (m,) number of the combination of stripes that cover a cell.    loose : (m,) True outside of stripes.
+    label   : (m,) number of the combination of stripes on a cell.    loose : (m,) True outside of all stripes.
     seam    : (k, 2) pairs of half-edges at the cut through a one-sided surface."""
 
     F: Ints
@@ -58,13 +58,13 @@ class StripedSheet(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Curved:
-    """The surface of a cut sheet.
+    """The uncut surface of a cut sheet, and functions that divide the sheet.
     V, F  : (n, 3) vertices and (m, 3) faces of the uncut, oriented surface, m.
     D     : (n, 3) half-thickness vectors, m.
     shift : distance of the sheet's middle from the surface, as a multiple of D: 0, 1 or -1.
-    divided : function that divides the sheet by fields (n, c); part k is where field k is largest.
+    divided : function that divides the sheet by fields (n, c). Part k is the part where field k is largest.
     striped : function that divides the sheet along its stripes, or None.
-    twins : (k, 2) pairs of coincident vertices with opposite D."""
+    twins : (k, 2) pairs of vertices at equal places with opposite D."""
 
     V: Floats
     F: Ints
@@ -83,8 +83,8 @@ class Curved:
 
 @dataclass(frozen=True, eq=False)
 class MemberShape:
-    """A closed mesh and the lines of a member.
-    id    : name of the member.    layer : "major", "minor", "rim", "keep", "fill".
+    """A member as a closed mesh and lines.
+    id    : name of the member.    layer : "major", "minor", "rim", "keep" or "fill".
     V, F  : (n, 3) vertices and (m, 3) triangles, counter-clockwise seen from outside.
     axis  : (k, 3) points along the middle of the member; (0, 3) without an axis.
     edges : points (k, 3) of each closed outline on the middle surface.
@@ -104,7 +104,7 @@ class MemberShape:
         lock(self, "axis", np.float64, (None, 3))
 
     def scaled_by(self, factor: float) -> "MemberShape":
-        """Return the shape in another unit of length."""
+        """Return the shape with all lengths multiplied by `factor`."""
         edges = tuple(factor * line for line in self.edges)
         return replace(self, V=factor * self.V, axis=factor * self.axis, edges=edges)
 
@@ -118,13 +118,13 @@ Route = Literal["auto", "quick", "planar", "members", "smooth", "compact", "face
 class Details:
     """Content of a file besides its mesh.
 
-    lines     : edges and centre lines, m.    tolerance : largest error of `lines` or their curves, m.
+    lines     : edges and centre lines, m.    tolerance : largest error of `lines` or of curves along them, m.
     values    : values at the vertices (n, ...) or in the faces (m, ...) of the mesh, by name with SI unit.
-    facts     : short lines for a title block, or about `values`.
+    facts     : short texts for a title block, or about `values`.
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson, as far as known.
-    section_forces : section forces by case and combination, in the m faces of `sheet`.
+    section_forces : section forces in the m faces of `sheet`, by load case or combination.
     shapes    : members as bodies, m.
-    whole_members : True if crossing members lie on each other.
+    whole_members : True if crossing members lie on top of each other.
     drawings  : drawing files of each member's parts, by the name of the member.
     origin    : origin of the file on its site (east, north, up), m."""
 
@@ -153,7 +153,7 @@ class Details:
         return self.frame
 
     def scaled_by(self, factor: float) -> "Details":
-        """Return the details with lengths in another unit."""
+        """Return the details with all lengths of lines and shapes multiplied by `factor`."""
         lines = tuple(replace(x, points=factor * x.points, length=factor * x.length) for x in self.lines)
         shapes = tuple(shape.scaled_by(factor) for shape in self.shapes)
         return replace(self, lines=lines, shapes=shapes, tolerance=factor * self.tolerance)
@@ -183,7 +183,7 @@ class StepOptions:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A triangle mesh for a file.
+    """A triangle mesh and the further content of a file.
 
     V          : (n, 3) vertices, mm.
     F          : (m, 3) faces; of a solid, counter-clockwise seen from outside.
@@ -196,7 +196,7 @@ class Part:
     note       : text about earlier changes of the mesh.
     curved     : function that returns the sheet for smooth STEP, or None.
     cut        : True to test a smooth file by a trial cut.
-    hurry      : factor on the limits of the work for a STEP file; 0 for no limits."""
+    hurry      : factor on the limits for the work on a STEP file; 0 for no limits."""
 
     V: Floats
     F: Ints
@@ -249,12 +249,15 @@ def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> 
         if faults:
             raise ExportError(f"the solid {name!r} is open at {faults} edges; close its holes first")
         if not part.volume > 0:
-            raise ExportError(f"the volume of {name!r} is {part.volume:.3g} mm3, not positive; reverse its faces")
+            raise ExportError(
+                f"the volume of {name!r} is {part.volume:.3g} mm3, which is not positive; reverse the faces of the "
+                f"solid"
+            )
     return part
 
 
 def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
-    """Return the part with rounded vertices V (n, 3), without edges of zero length.
+    """Return the part with rounded vertices V (n, 3). Edges with zero length are removed.
     Raises ExportError if rounding spoils the solid. holding : name of the rounded content, for the error message."""
     a, b = half_edges(part.F)
     lost = np.flatnonzero((V[a] == V[b]).all(axis=1))
@@ -269,15 +272,15 @@ def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
     if not len(F) or (part.is_solid and (open_edges(F) or abs(small.volume - part.volume) > READ_BACK * part.volume)):
         collapsed = np.unique([a[lost], b[lost]])
         raise ExportError(
-            f"in {holding}, {len(collapsed)} vertices of {part.name!r} coincide "
-            f"(first: {first_few(collapsed)}), which changes the shape; "
-            "coarsen the mesh there, or move the mesh to the origin (surface.origin)"
+            f"in {holding}, {len(collapsed)} vertices of {part.name!r} coincide after rounding (first: "
+            f"{first_few(collapsed)}), and the shape changes; coarsen the mesh at these vertices, or move the mesh to "
+            f"the origin (surface.origin)"
         )
     return small
 
 
 def in_single_precision(part: Part) -> Part:
-    """Round the part to 32-bit numbers. Raises ExportError."""
+    """Round the vertices of a part to 32-bit numbers. Raises ExportError if rounding spoils the solid."""
     return without_collapsed(part, part.V.astype(np.float32).astype(np.float64), "numbers of single precision")
 
 

@@ -17,8 +17,8 @@ NUMBERS_READ_BACK = 1e-9  # largest error of numbers read back, as a fraction of
 
 @dataclass(frozen=True)
 class ReadBack:
-    """Content that was read back from a file: number of things (`what`), and error of a measure.
-    off : relative error of the volume, area or length; NaN without a measure."""
+    """Content that was read back from a file: number of triangles, faces or lines, as `what` says.
+    off : relative error of the `measure` (volume, area or length); NaN without a measure."""
 
     count: int
     what: str
@@ -33,7 +33,7 @@ class ReadBack:
 
 
 _ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
-"""Odd factors, one per coordinate, for a hash: invertible modulo 2^64, so different bits give different products."""
+"""Odd factors of the three coordinates in a hash. Odd factors are invertible modulo 2^64, so no bits are lost."""
 
 
 def read_with_igl(path: Path) -> tuple[Floats, Ints]:
@@ -47,7 +47,9 @@ def read_with_igl(path: Path) -> tuple[Floats, Ints]:
     except RuntimeError as error:
         raise ExportError(f"{path.name} cannot be read: {error}; free some space or write another format") from None
     if V.shape[1:] != (3,) or F.shape[1:] != (3,):
-        raise ExportError(f"{path.name} reads back without triangles; free some space or write another format")
+        raise ExportError(
+            f"{path.name} has no triangles when the file is read back; free some space or write another format"
+        )
     return np.asarray(V, dtype=np.float64), np.asarray(F, dtype=np.int64)
 
 
@@ -63,7 +65,7 @@ def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
 
 
 def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
-    """Compare a mesh V (n, 3), mm, F (m, 3) with the part.
+    """Compare a mesh from a file, V (n, 3), mm, and F (m, 3), with the mesh of the part.
     Raises ExportError if the mesh differs, or if the mesh of a solid is open."""
     require_equal(part, "triangles", len(part.F), len(F))
     vertices_read, vertices_expected = (int(np.count_nonzero(np.bincount(faces.ravel()))) for faces in (F, part.F))
@@ -72,55 +74,60 @@ def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
     moved = float(np.abs(bounding_box(V, F) - part.box).max())
     if not moved <= READ_BACK * size:
         raise ExportError(
-            f"the bounding box of {part.name!r} differs by {moved:.3g} mm when read back; write another format"
+            f"the bounding box of {part.name!r} differs by {moved:.3g} mm when the file is read back; write another "
+            f"format"
         )
     if part.is_solid and open_edges(F):
-        raise ExportError(f"{part.name!r} is open at {open_edges(F)} edges when read back; write another format")
+        raise ExportError(
+            f"{part.name!r} is open at {open_edges(F)} edges when the file is read back; write another format"
+        )
     error = check_measure(part, signed_volume(V, F) if part.is_solid else total_area(V, F))
     return ReadBack(len(F), "triangles", error, "volume" if part.is_solid else "area")
 
 
 def check_measure(part: Part, measure_read: float) -> float:
-    """Return the relative error of a volume (mm3) or area (mm2); raises ExportError above 0.1 %."""
+    """Return the relative error of the volume (mm3) or area (mm2) in a file. Raises ExportError above 0.1 %."""
     what, unit, expected = ("volume", "mm3", part.volume) if part.is_solid else ("area", "mm2", part.area)
     if not abs(measure_read - expected) <= READ_BACK * abs(expected):
         raise ExportError(
-            f"{part.name!r} reads back with {what} {measure_read:.6g} {unit} instead of {expected:.6g} {unit}; "
-            "write another format"
+            f"the file of {part.name!r} reads back with {what} {measure_read:.6g} {unit} instead of {expected:.6g} "
+            f"{unit}; write another format"
         )
     return measure_read / expected - 1
 
 
 def check_lines(part: Part, lines_read: Sequence[Floats]) -> ReadBack:
-    """Compare polylines (k, 3) with the part's lines; raises ExportError if number or length differs."""
+    """Compare polylines (k, 3) from a file with a part's lines. Raises ExportError if number or length differs."""
     lines = part.details.lines
     require_equal(part, "lines", len(lines), len(lines_read))
     expected, length_read = sum(polyline_length(line.points) for line in lines), sum(map(polyline_length, lines_read))
     if not abs(length_read - expected) <= READ_BACK * expected:
         raise ExportError(
-            f"the lines of {part.name!r} are {length_read:.6g} mm long in the file instead of {expected:.6g} mm; "
+            f"the total length of the lines of {part.name!r} is {length_read:.6g} mm in the file instead of "
+            f"{expected:.6g} mm; "
             "write another format"
         )
     return ReadBack(len(lines_read), "lines", length_read / expected - 1, "length")
 
 
 def require_equal(part: Part, what: str, expected: int | Collection[str], content: int | Collection[str]) -> None:
-    """Raise ExportError if a count or the names in a file are wrong."""
+    """Raise ExportError if a number, or a collection of names, differs in a file. what : noun for the message."""
     if content != expected:
         count, expected_count = (x if isinstance(x, int) else len(x) for x in (content, expected))
         raise ExportError(
-            f"{part.name!r} reads back with {count} {what} instead of {expected_count}; write another format"
+            f"the file of {part.name!r} reads back with {count} {what} instead of {expected_count}; write another "
+            f"format"
         )
 
 
 def merged_mesh(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """Merge vertices of V (n, 3), F (m, 3) at exactly equal positions."""
+    """Return the mesh V (n, 3), F (m, 3) after merging vertices at exactly equal positions."""
     points, point = distinct_rows(V)
     return points, point[F]
 
 
 def distinct_rows(rows: Floats) -> tuple[Floats, Ints]:
-    """Return the different rows of an array (k, 3), and the number (k,) of each row."""
+    """Return the different rows (n, 3) of an array (k, 3), and for each given row its number (k,) among them."""
     rows = rows + 0.0  # the sum turns -0 into 0
     bits = np.ascontiguousarray(rows).view(np.uint64)
     mixed = (bits ^ (bits >> np.uint64(29))) * _ODD
@@ -137,7 +144,7 @@ GREY = (120, 120, 120)
 
 
 def with_single_shapes(part: Part) -> Part:
-    """Return the part with the vertices of member bodies rounded to 32 bits."""
+    """Return the part with the vertices of its member bodies rounded to 32-bit numbers."""
     return replace(part, details=replace(part.details, shapes=tuple(map(_single, part.details.shapes))))
 
 
@@ -147,12 +154,12 @@ def _single(shape: MemberShape) -> MemberShape:
 
 
 def layer_colour(layer: str) -> tuple[int, int, int]:
-    """Return a layer's colour as (red, green, blue), 0 to 255."""
+    """Return a layer's colour as (red, green, blue), each from 0 to 255."""
     return COLOURS.get(layer, GREY)
 
 
 def check_shapes(part: Part, meshes_read: Mapping[str, tuple[Floats, Ints]]) -> ReadBack:
-    """Compare meshes with the members of the part. meshes_read : V (n, 3), mm, and F (m, 3), by name.
+    """Compare meshes from a file with a part's members. meshes_read : V (n, 3), mm, and F (m, 3), by member name.
     Raises ExportError if a mesh is open or differs."""
     shapes = part.details.shapes
     require_equal(part, "members", [shape.id for shape in shapes], list(meshes_read))
@@ -165,6 +172,9 @@ def check_shapes(part: Part, meshes_read: Mapping[str, tuple[Floats, Ints]]) -> 
         moved = float(np.abs(V[F].mean(axis=(0, 1)) - shape.V[shape.F].mean(axis=(0, 1))).max())
         is_near = abs(volume - volume_read) <= READ_BACK * volume and moved <= READ_BACK * size
         if open_edges(F) or not is_near:
-            raise ExportError(f"the member {shape.id} of {part.name!r} differs when read back; write .members.json")
+            raise ExportError(
+                f"the member {shape.id} of {part.name!r} differs when the file is read back; write .members.json "
+                f"instead"
+            )
         total, total_read = total + volume, total_read + volume_read
     return ReadBack(len(meshes_read), "members", total_read / total - 1)

@@ -12,7 +12,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, lock
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """A clamped B-spline: knots (p + degree + 1,), ascending, poles (p, d), degree 1, 2 or 3."""
+    """A clamped B-spline with ascending knots (p + degree + 1,), poles (p, d), and degree 1, 2 or 3."""
 
     knots: Floats
     poles: Floats
@@ -30,7 +30,7 @@ class Spline:
 
 
 def segment_spline(a: Floats, b: Floats) -> Spline:
-    """Return the straight line from a (d,) to b (d,)."""
+    """Return the straight line from a (d,) to b (d,) as a spline of degree 1."""
     return Spline(np.array([0.0, 0, 1, 1]), np.stack([a, b]), 1)
 
 
@@ -45,7 +45,7 @@ def arc_lengths(line: Floats) -> Floats:
 
 
 def even_samples(line: Floats) -> tuple[Floats, Floats]:
-    """Return parameters (k,) in [0, 1] and points (k, d) evenly along a polyline; k is a power of two plus 1."""
+    """Return parameters (k,) in [0, 1] and evenly spaced points (k, d) along a polyline. k is a power of two plus 1."""
     count = 1 << (min(max(16 * len(line), 64), 4096) - 1).bit_length()
     length = arc_lengths(line)
     x = np.arange(count + 1) / count
@@ -66,7 +66,8 @@ def basis(x: Floats, knots: Floats) -> tuple[Ints, Floats]:
 
 
 def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
-    """Return for x (k,) the number (k,) of the first nonzero basis function, four values (k, 4), four slopes (k, 4)."""
+    """Return, for each x (k,), the number (k,) of its first nonzero cubic basis function.
+    Return also the values (k, 4) and slopes (k, 4) of the four nonzero functions."""
     x = np.clip(x, knots[3], knots[-4])
     span = np.clip(np.searchsorted(knots, x, side="right") - 1, 3, len(knots) - 5)
     values, shares = hats_within(x, knots, span)
@@ -77,8 +78,9 @@ def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
 
 
 def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
-    """Return values (4, k) of the nonzero cubic basis functions at x (k,) [de Boor 1978]. span : (k,) knot before x.
-    Also return quadratic basis functions (3, k), divided by their support widths."""
+    """Return values (4, k) of the nonzero cubic basis functions at x (k,) [de Boor 1978].
+    Return also the quadratic basis functions (3, k), divided by their support widths.
+    span : (k,) number of the last knot before x."""
     past = x - knots[span - np.arange(3)[:, None]]
     ahead = knots[span + np.arange(1, 4)[:, None]] - x
     values = shares = np.ones((1, len(x)))
@@ -93,7 +95,7 @@ def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
-    """Normal equations of least-squares cubics along several curves, with fixed poles.
+    """Normal equations of a least-squares fit of several cubic splines; selected poles are fixed.
     values : (4, k) nonzero basis functions at each sample.    first : (k,) number of the first nonzero function.
     factor : (4, n) banded Cholesky factor of the normal matrix.    held : numbers of the fixed poles."""
 
@@ -105,7 +107,7 @@ class LeastSquares:
     @classmethod
     def from_hats(cls, values: Floats, first_hats: Ints, first_poles: Ints, n: int, fixed_poles: Ints) -> Self:
         """Return the normal equations for n poles, k samples. values : (4, k) nonzero basis functions at samples.
-        first_hats  : (k,) number of the first function.    fixed_poles : numbers of fixed poles.
+        first_hats  : (k,) number of the first nonzero function.    fixed_poles : numbers of the fixed poles.
         first_poles : (r,) number of the first pole of each curve."""
         factor, failed = dpbtrf(_band(values, first_hats, first_poles, fixed_poles, n), lower=1)
         if failed:
@@ -113,14 +115,14 @@ class LeastSquares:
         return cls(values, first_hats, factor, fixed_poles)
 
     def solve(self, right_side: Floats) -> Floats:
-        """Return the poles (n, d) for a right-hand side (n, d); 0 at fixed poles."""
+        """Solve the normal equations for a right-hand side (n, d); return the poles (n, d). Fixed poles are 0."""
         right_side = np.array(right_side)
         right_side[self.held] = 0.0
         solution, _ = dpbtrs(self.factor, right_side, lower=1)
         return np.asarray(solution)
 
     def values_at_samples(self, poles: Floats, samples: Ints | slice = slice(None)) -> Floats:
-        """Return points (k, d) of the splines with poles (n, d). samples : numbers of the samples."""
+        """Return the points (k, d) of the splines with poles (n, d) at the samples with the numbers `samples`."""
         first_hats, values = self.first[samples], self.values[:, samples]
         return np.asarray(sum(values[i][:, None] * poles[first_hats + i] for i in range(4)))
 
@@ -159,9 +161,10 @@ def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints
 
 @dataclass(frozen=True, eq=False)
 class SplineRows:
-    """Samples of several curves, one curve after the other; r counts the curves, k the samples.
-    number : (r,) number of the curve.    row : (k,) curve of each sample.
-    count, first, last : (r,) number of samples, first sample and last sample of each curve."""
+    """The k samples of r curves, in the order of the curves.
+    number : (r,) number of each curve.    row : (k,) index of each sample's curve.    x, Q : parameters, points.
+    count, first, last : (r,) number of samples, first sample and last sample of each curve.
+    parts  : number of points in a row of Q."""
 
     number: Ints
     count: Ints
@@ -177,12 +180,13 @@ class SplineRows:
     def from_counts(
         cls, number: Ints, count: Ints, x: Floats, Q: Floats, tolerance: Floats, parts: int
     ) -> "SplineRows":
-        """Return rows from samples x (k,), Q (k, d), curve after curve. number, count : (r,)."""
+        """Collect samples with parameters x (k,) and points Q (k, d), in the order of the curves.
+        number, count : (r,) number of each curve, and number of its samples."""
         end, row = np.cumsum(count), np.repeat(np.arange(len(count)), count)
         return cls(number, count, end - count, end - 1, row, x, Q, tolerance, parts)
 
     def subset(self, chosen: Bools) -> "SplineRows":
-        """Return the samples of the curves that `chosen` (r,) marks."""
+        """Return only the samples of the curves for which `chosen` (r,) is True."""
         chosen_samples = chosen[self.row]
         number, count, tolerance = self.number[chosen], self.count[chosen], self.tolerance[chosen]
         x, Q = self.x[chosen_samples], self.Q[chosen_samples]
@@ -190,17 +194,18 @@ class SplineRows:
 
     @property
     def line(self) -> Floats:
-        """(k, d) points on straight lines between the ends of the curves."""
+        """Points (k, d), for each sample, on the straight line between the ends of its curve."""
         start, end = self.Q[self.first], self.Q[self.last]
         return start[self.row] + self.x[:, None] * (end - start)[self.row]
 
     def distances(self, points: Floats) -> Floats:
-        """Return the largest distance (k,) of each sample from its row of `points` (k, d)."""
+        """Return the distance (k,) of each sample from its row of `points` (k, d).
+        If a row has several points, the largest of their distances counts."""
         offset = (points - self.Q).reshape(len(points), self.parts, -1)
         return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", offset, offset).max(axis=0)))
 
     def row_maxima(self, distances: Floats) -> Floats:
-        """Return the largest distance (r,) on each curve. distances : (k,)."""
+        """Return the largest distance (r,) on each curve. distances : (k,) distances at the samples."""
         return np.asarray(np.maximum.reduceat(distances, self.first))
 
 
@@ -215,19 +220,19 @@ class RowSpans:
 
     @property
     def count(self) -> Ints:
-        """Number of spans of each row (r,)."""
+        """Number (r,) of spans of each curve."""
         return np.bincount(self.row)
 
     @property
     def knots(self) -> Floats:
-        """Knots (s + 7 r,) for s spans of r curves, curve after curve."""
+        """Knots (s + 7 r,) of cubic splines with s spans on r curves, in the order of the curves."""
         knots, end = np.zeros(len(self.row) + 7 * len(self.count)), np.cumsum(self.count + 7)
         knots[np.arange(len(self.row)) + 7 * self.row + 3] = self.low
         knots[(end[:, None] - np.arange(1, 5)).ravel()] = 1.0
         return knots
 
     def with_halves(self, bad: Bools, unfinished: Bools, rows: SplineRows) -> "RowSpans":
-        """Return spans of `unfinished` curves (r,), after `bad` spans (s,) were halved."""
+        """Return the spans of the curves marked by `unfinished` (r,), and halve the spans marked by `bad` (s,)."""
         stays = unfinished[self.row]
         low, high, two = self.low[stays], self.high[stays], bad[stays]
         row = (np.cumsum(unfinished) - 1)[self.row[stays]]
@@ -247,8 +252,9 @@ Fitted = tuple[Spline, float]  # a curve, and its largest distance from its samp
 def splines_through(
     samples: Sequence[tuple[Floats, Floats]], tolerances: Sequence[float], parts: int = 1
 ) -> list[Fitted]:
-    """Fit lines, parabolas or cubics to points Q (k, d) at x (k,) from 0 to 1. parts : number of points in a row of Q.
-    Each result includes the largest distance from the points; with too few samples, it exceeds the tolerance."""
+    """Fit a line, parabola or cubic spline to each sample (x, Q): points Q (k, d) at parameters x (k,) from 0 to 1.
+    Each result includes the largest distance from the points, which exceeds the tolerance if samples are too few.
+    parts : number of points in a row of Q."""
     fits = dict[int, Fitted]()
     for batch in _batches([len(x) for x, _ in samples]):
         x, Q = (np.concatenate(column) for column in zip(*(samples[c] for c in batch), strict=True))

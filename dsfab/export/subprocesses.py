@@ -27,7 +27,7 @@ class _Work:
         self._error: Exception | None = None
 
     def do(self) -> None:
-        """Do the work unless it was done before; keep an exception for `end`."""
+        """Call the function unless it was called before. Store an exception, so that `end` can raise it."""
         if not self._done:
             self._done = True
             try:
@@ -36,7 +36,7 @@ class _Work:
                 self._error = error
 
     def end(self) -> None:
-        """Do the work unless it was done before; raise the exception of the work, if any."""
+        """Call the function unless it was called before. Raise its exception, if any."""
         self.do()
         if self._error:
             raise self._error
@@ -47,7 +47,7 @@ _WAITING: ContextVar[_Work | None] = ContextVar("_WAITING", default=None)
 
 @contextmanager
 def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
-    """Call `work` once: while the first program in the `with` block runs, otherwise after the block."""
+    """Call `work` once: while the first program in the `with` block runs, or after a block without programs."""
     waiting = _Work(work)
     token = _WAITING.set(waiting)
     try:
@@ -58,8 +58,8 @@ def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
 
 
 def run_program(program: str, *arguments: str, seconds: float) -> str:
-    """Return the output of the Python file `program`. Raises ProgramError, or subprocess.TimeoutExpired after `seconds`
-    of processor time."""
+    """Run the Python file `program`, and return its output.
+    Raises ProgramError, or subprocess.TimeoutExpired after `seconds` of processor time."""
     with _start(program, *arguments, stdin=None) as run:
         try:
             return _answer(run, seconds)
@@ -68,12 +68,12 @@ def run_program(program: str, *arguments: str, seconds: float) -> str:
 
 
 def last_line(program: str, *arguments: str, seconds: float) -> str:
-    """Return the last line of output of the Python file `program`. Raises ProgramError or TimeoutExpired."""
+    """Run the Python file `program`, and return the last line of its output. Raises as `run_program` does."""
     return _last(run_program(program, *arguments, seconds=seconds))
 
 
 class PreparedProgram:
-    """A program that starts before its arguments are known. The `with` block ends the program."""
+    """A program that starts before its arguments are known. Its process ends with the `with` block."""
 
     def __init__(self, program: str) -> None:
         self.process = _start(program, stdin=subprocess.PIPE)
@@ -96,11 +96,11 @@ class PreparedProgram:
                 self.process.stdin.flush()
 
     def answer(self, seconds: float) -> str:
-        """Return the last line of the program's output. Raises ProgramError or TimeoutExpired."""
+        """Wait for the program, and return the last line of its output. Raises ProgramError or TimeoutExpired."""
         return _last(_answer(self.process, seconds))
 
     def answer_with_work(self, is_ready: Callable[[], bool], work: Callable[[], None], seconds: float) -> str:
-        """Return `answer(seconds)`; call `work` once `is_ready()` is true."""
+        """Return `answer(seconds)`. Call `work` in the meantime, as soon as `is_ready()` returns True."""
         with ThreadPoolExecutor(1) as reading:
             pending = reading.submit(_answer, self.process, seconds)
             try:
@@ -127,7 +127,7 @@ def _start(program: str, *arguments: str, stdin: int | None) -> "subprocess.Pope
 
 
 def _limit_time(run: "subprocess.Popen[str]", seconds: float) -> float:
-    """Limit the program's processor time. Return the limit of elapsed time, seconds."""
+    """Limit the processor time of a running program to `seconds`. Return a limit for the elapsed time, seconds."""
     if not hasattr(resource, "prlimit"):
         return seconds
     soft_limit = max(1, round(seconds))
@@ -139,7 +139,7 @@ def _limit_time(run: "subprocess.Popen[str]", seconds: float) -> float:
         if system_limit != resource.RLIM_INFINITY:
             hard_limit = min(hard_limit, system_limit)
         resource.prlimit(run.pid, resource.RLIMIT_CPU, (min(soft_limit, hard_limit), hard_limit))
-    return 10.0 * seconds  # a busy machine needs more time on the clock
+    return 10.0 * seconds  # on a busy machine, elapsed time exceeds processor time
 
 
 def _answer(run: "subprocess.Popen[str]", seconds: float) -> str:

@@ -1,4 +1,4 @@
-"""Write numbers as text, and write files and folders; after a failure the old content remains."""
+"""Functions that format numbers, and write files and folders. After a failure, the old files are unchanged."""
 
 import ctypes
 import errno
@@ -23,7 +23,7 @@ TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")  # useless zeros, a quarter o
 
 
 def rows(template: str, *columns: Any) -> Iterator[str]:
-    """Format `template % row` for every row of the columns, and yield the text in pieces."""
+    """Format `template % row` for each row of the columns, and yield the text in pieces of many rows."""
     size = 10_000
     for start in range(0, len(columns[0]), size):
         sliced = [column[start : start + size] for column in columns]
@@ -32,7 +32,7 @@ def rows(template: str, *columns: Any) -> Iterator[str]:
 
 
 def comma_separated_rows(template: str, *columns: Any) -> Iterator[str]:
-    """Format rows as `rows` does, without the last comma and without zeros at the end of decimals."""
+    """Format rows as `rows` does, but without the last comma and without trailing zeros of decimals."""
     before = ""
     for text in rows(template, *columns):
         if before:
@@ -42,7 +42,7 @@ def comma_separated_rows(template: str, *columns: Any) -> Iterator[str]:
 
 
 def one_line(name: str) -> str:
-    """Return a name without line breaks and control characters."""
+    """Return a name on a single line, without control characters; "part" for an empty name."""
     return "".join(c if c.isprintable() else " " for c in name).strip() or "part"
 
 
@@ -52,12 +52,12 @@ _STATE, _TICK = 0, 19  # positions of state and start time in /proc/PID/stat
 
 
 def partial_name(suffix: str = "") -> str:
-    """Return a new name for an unfinished file or folder of this process."""
+    """Return a unique name for an unfinished file or folder of this process."""
     return f"{PARTIAL}-{_owner()}-{secrets.token_hex(6)}{suffix}"
 
 
 def temporary_folder(word: str) -> "tempfile.TemporaryDirectory[str]":
-    """Return a new temporary folder with the prefix `word`."""
+    """Create a temporary folder with the prefix `word`. Remove the folders of ended processes with this prefix."""
     for path in abandoned_paths(Path(tempfile.gettempdir()), word):
         remove(path)
     return tempfile.TemporaryDirectory(prefix=f"{word}-{_owner()}-", ignore_cleanup_errors=True)
@@ -123,7 +123,7 @@ def _alive(pid: int, began: int) -> bool:
 
 
 def _start_tick(pid: int) -> int | None:
-    """Return the start tick of a process: 0 if it has ended, None if unknown."""
+    """Return the start time of a process in clock ticks: 0 if the process has ended, None if unknown."""
     try:
         words = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
         return 0 if words[_STATE] in "ZX" else int(words[_TICK])
@@ -134,20 +134,20 @@ def _start_tick(pid: int) -> int | None:
 _ADVICE = {
     errno.ENOSPC: "the disk is full; free some space or choose another folder",
     errno.EDQUOT: "the disk quota is used up; free some space or choose another folder",
-    errno.EFBIG: "the file is too large for this disk; choose another folder",
+    errno.EFBIG: "the file is too large for the file system of this disk; choose another folder",
     errno.ENOENT: "the folder does not exist; create it first",
-    errno.ENOTDIR: "a file has the name of the folder; choose another folder",
+    errno.ENOTDIR: "a file already has the name of this folder; choose another folder",
     errno.EACCES: "there is no permission to write in this folder; choose another folder",
     errno.EPERM: "there is no permission to write in this folder; choose another folder",
     errno.EROFS: "the disk is read-only; choose another folder",
-    errno.EISDIR: "a folder has that name; choose another name",
+    errno.EISDIR: "a folder already has this name; choose another name",
     errno.ENAMETOOLONG: "the file name is too long; choose a shorter name",
 }
 
 
 @contextmanager
 def atomic_file(path: Path) -> Iterator[Path]:
-    """Yield a temporary name; at the end the temporary file replaces `path`.
+    """Yield a temporary path for a file. At the end of the `with` block, this file replaces `path`.
     After a failure, an older file at `path` is unchanged. Raises ExportError."""
     target = Path(os.path.realpath(path))  # a link stays a link; its target is replaced
     temporary = target.with_name(partial_name(target.suffix))
@@ -187,7 +187,7 @@ def _try_file(target: Path, temporary: Path) -> None:
 
 
 def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
-    """Write a new file from pieces of bytes."""
+    """Write a new file from pieces of its bytes."""
     with open(path, "xb") as file:
         for chunk in chunks:
             file.write(chunk)
@@ -206,8 +206,8 @@ Outdated = Callable[[Path, Path], set[str]]  # function of the old and the new f
 
 @contextmanager
 def atomic_folder(folder: Path, outdated: Outdated | None = None) -> Iterator[Path]:
-    """Yield a temporary folder whose files move into `folder` at the end; a failure does not change `folder`.
-    outdated : function of the old and the new folder; returns the old files to remove.
+    """Yield a temporary folder. Its files move into `folder` at the end; a failure does not change `folder`.
+    outdated : function of the old and the new folder; returns the names of old files to remove.
     Raises ExportError if the folder cannot be written."""
     target = Path(os.path.realpath(folder))  # a link stays a link; its target changes
     missing = [parent for parent in (target, *target.parents) if not parent.exists()]
@@ -245,7 +245,7 @@ def require_writable(folder: Path) -> None:
 
 
 def manifest(folder: Path) -> dict[str, dict[str, int | str]]:
-    """Return size and SHA-256 of every file of a folder except the manifest, by name."""
+    """Return, by name, the size and SHA-256 hash of each file in a folder, without the manifest."""
     files = sorted(path for path in folder.iterdir() if path.is_file() and path.name != DESIGN)
     return {path.name: {"bytes": path.stat().st_size, "sha256": _sha256(path)} for path in files}
 
@@ -328,7 +328,7 @@ def _swap(partial: Path, target: Path, outdated: set[str]) -> bool:
 
 
 def link_files(target: Path, partial: Path, user_names: set[str]) -> bool:
-    """Create hard links in `partial` to the user's files in `target`; return False if that fails."""
+    """Create hard links in `partial` to the user's files in `target`. Return False if a link is impossible."""
     try:
         for name in user_names:
             os.link(target / name, partial / name)
@@ -339,7 +339,7 @@ def link_files(target: Path, partial: Path, user_names: set[str]) -> bool:
 
 
 def _rescue(old_folder: Path, target: Path, user_names: set[str], old_names: set[str]) -> None:
-    """Move files that the user saved in the meantime from the old folder to the new folder."""
+    """Move files that the user saved during the exchange of folders from the old folder to the new folder."""
     for path in old_folder.iterdir():
         new_path = target / path.name
         replaced = path.name in user_names and new_path.exists() and not path.samefile(new_path)
@@ -348,7 +348,7 @@ def _rescue(old_folder: Path, target: Path, user_names: set[str], old_names: set
 
 
 def exchange_folders(folder_a: Path, folder_b: Path) -> bool:
-    """Exchange two folders; return False if that is impossible on this system."""
+    """Exchange the names of two folders; return False if the system cannot do so."""
     try:
         call = ctypes.CDLL(None, use_errno=True).renameat2
     except (AttributeError, OSError, TypeError):

@@ -1,10 +1,10 @@
 """The members of a design: named parts of the sheet, and the nodes where members meet.
 
-axes         middle lines of stripes, smooth axes, widths
-components   bands of the pattern
-loose_cells  cells outside of all stripes, and strips along a rim
-graph        overlaps and nodes; `MemberGraph`
-assembly     order and names; `member_graph`"""
+axes         middle lines of stripes, smooth axes and widths of members
+components   parts of the stripes that become members
+loose_cells  mesh faces outside of all stripes, and strips along a rim
+graph        overlaps of members, and nodes; `MemberGraph`
+assembly     order and names of members; `member_graph`"""
 
 from dsfab.members.assembly import member_graph, spherical_normals
 from dsfab.members.axes import MemberAxis

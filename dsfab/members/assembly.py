@@ -1,4 +1,4 @@
-"""Assembly of the graph of a design's members, with the order and names of the members."""
+"""Graph of a design's members and nodes, with the order and names of the members."""
 
 from collections.abc import Sequence
 from string import ascii_lowercase
@@ -15,11 +15,11 @@ from dsfab.results import PatternResult
 from dsfab.slicing import Overlay, Sheet, stripe_overlay
 from dsfab.surface import Surface
 
-TIE = 1e-3  # Largest difference of equal positions along a structure, divided by the structure's size.
+TIE = 1e-3  # Positions along a structure with a smaller difference (fraction of the structure's size) count as equal.
 ROUND, HOLLOW = 0.5, 0.4
 """Members form a ring if two ratios of their centroids exceed these values.
-ROUND  : spread in the second principal direction, divided by the spread in the first.
-HOLLOW : smallest distance of a centroid from the centre, divided by the largest."""
+ROUND  : spread in the second principal direction / spread in the first principal direction.
+HOLLOW : smallest distance of a centroid from the centre / largest distance."""
 
 
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
@@ -60,11 +60,11 @@ def _steps(values: Floats, gap: float) -> Ints:
 
 
 KINDS = ("rim", "band", "ring", "disc", "plate", "fill")
-"""Kinds of members besides strips, in the order of the list of members."""
+"""Kinds of members besides strips, in their order in the list of members."""
 
 
 def named_components(surface: Surface, pieces: Sequence[Component]) -> list[tuple[str, int, Component]]:
-    """Return names, part numbers and components, sorted by names: "A01", "A02a", "A02b", ..., "B01", "rim 1".
+    """Return (name, part number, component) for each piece, in the order "A01", "A02a", "A02b", ..., "B01", "rim 1".
     The part number of "A02b" is 2."""
     listed = list[tuple[str, int, Component]]()
     for letter, same_kind in _kinds(pieces):
@@ -107,7 +107,7 @@ def _letters(part: int) -> str:
 
 
 def member_graph(surface: Surface, sheet: Sheet, pattern: PatternResult) -> MemberGraph:
-    """Return the members of a sheet that was cut along a pattern, and their nodes."""
+    """Return the members of a sheet that was cut along a pattern, and the nodes where members meet."""
     bands = pattern_bands(surface, sheet, pattern)
     overlay = stripe_overlay(sheet, surface, [band.drawn for band in bands])
     normals = overlay.sheet.carry(spherical_normals(surface))

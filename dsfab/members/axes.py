@@ -15,16 +15,16 @@ from dsfab.slicing import Overlay
 from dsfab.surface import Surface, chains
 
 TURN = np.radians(60)
-"""Largest bend of a member within the surface, measured over `WINDOW` widths. A line with a larger bend is divided."""
+"""Largest bend (radians) of a member within the surface over `WINDOW` widths. Lines with larger bends are divided."""
 WINDOW, STEPS = 1.5, 4  # Bends are measured over 1.5 times the width of the line, in 4 steps.
-SPECK = 1.0  # A middle line that is shorter than the stripe's width is left out, unless it is the stripe's longest.
+SPECK = 1.0  # Shortest middle line that is kept, in stripe widths; the stripe's longest line is always kept.
 
 
 @dataclass(frozen=True, eq=False)
 class MiddleLine:
     """A polyline on a surface.
     points  : (k, 3) points, metres; a closed line repeats its first point.
-    normals : (k, 3) unit normals.    cells : (k - 1,) number of the cell (triangle) that contains each segment."""
+    normals : (k, 3) unit normals.    cells : (k - 1,) number of the triangle that contains each segment."""
 
     points: Floats
     normals: Floats
@@ -48,25 +48,25 @@ class MiddleLine:
         return len(self.points) > 3 and bool((self.points[0] == self.points[-1]).all())
 
     def place(self, point: Floats) -> float:
-        """Return the arc length (m) of the point of the line that is nearest to a point (3,)."""
+        """Return the arc length (m) at the point of the line that is nearest to `point` (3,)."""
         a, b = self.points[:-1], self.points[1:]
         t = positions_on_segments(point, a, b)
         nearest = int(np.linalg.norm(a + t[:, None] * (b - a) - point, axis=1).argmin())
         return float(self.s[nearest] + t[nearest] * (self.s[nearest + 1] - self.s[nearest]))
 
     def opened_at(self, index: int) -> "MiddleLine":
-        """Return the closed line with point `index` as the first and the last point."""
+        """Return a closed line that starts and ends at the point with number `index`."""
         around = np.concatenate([np.arange(index, len(self.points)), np.arange(1, index + 1)])
         return MiddleLine(self.points[around], self.normals[around], np.roll(self.cells, -index))
 
     def section(self, first: int, last: int) -> "MiddleLine":
-        """Return the part of the line between two of its points."""
+        """Return the part of the line between its points with the numbers `first` and `last`."""
         return MiddleLine(self.points[first : last + 1], self.normals[first : last + 1], self.cells[first:last])
 
 
 def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the middle lines of each stripe of field k, by the stripe's number; the longest line is first.
-    offset  : (m, 3) offset from the stripe's middle at corners of cells, never 0.
+    """Return the middle lines of each stripe of field k, by the stripe's number. The longest line comes first.
+    offset  : (m, 3) field at corners of triangles, minus its value on the stripe's middle line; never 0.
     normals : (n, 3) unit normals at the vertices of the sheet."""
     surface, part = overlay.sheet.surface, overlay.part[:, k]
     sign = np.sign(offset)
@@ -94,7 +94,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """Return places on sides (c, 2) of cells where `offset` is 0: from 0 (lower vertex number) to 1 (higher)."""
+    """Return where `offset` is 0 on triangle sides (c, 2): 0 at the lower vertex number, 1 at the higher."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
@@ -103,12 +103,12 @@ def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats
 
 
 def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
-    """Return the first line, and all other lines that are not very short."""
+    """Return the first line, and the further lines longer than a fraction of the stripe's `width`."""
     return [line for k, line in enumerate(lines) if k == 0 or line.length > SPECK * width]
 
 
 def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLine]:
-    """Return the parts of a line, divided at bends of more than `TURN`. edge : mesh edge length, metres."""
+    """Divide a line at bends of more than `TURN`, and return its parts. edge : length of a mesh edge, metres."""
     window = max(WINDOW * width, edge)
     count = max(2 * STEPS, int(np.ceil(line.length * STEPS / window)))
     x = np.linspace(0, line.length, count + 1)
@@ -141,7 +141,7 @@ def _without_hooks(parts: list[MiddleLine], width: float) -> list[MiddleLine]:
 
 
 def _turns(line: MiddleLine, x: Floats) -> Floats:
-    """Return angles (k,), radians, by which a line bends within the surface at arc lengths x (k,)."""
+    """Return the angles (k,), radians, by which a line bends within the surface around arc lengths x (k,)."""
     columns = ([np.interp(x, line.s, column) for column in y.T] for y in (line.points, line.normals))
     points, normals = (np.stack(column, axis=1) for column in columns)
     turn = _turning(np.diff(points, axis=0), normals, line.closed)
@@ -182,7 +182,7 @@ KNOTS, COARSE = 4.0, 2.0  # First knot distance of an axis: the larger of KNOTS 
 
 @dataclass(frozen=True, eq=False)
 class MemberAxis:
-    """Stations along a curve on a surface; lengths in metres, curvatures per metre. k counts the stations.
+    """Axis of a member: k stations along a curve on a surface; lengths in metres, curvatures per metre.
 
     s  : (k,) arc length from 0.    P : (k, 3) points.    T : (k, 3) unit tangents.    N : (k, 3) unit normals.
     kg : (k,) geodesic curvature, positive to the left: T' . B with B = N x T.
@@ -211,11 +211,11 @@ class MemberAxis:
 
     @cached_property
     def B(self) -> Floats:  # noqa: N802 - its name in the field
-        """Unit vectors (k, 3) to the left in the surface, N x T."""
+        """Unit vectors (k, 3) N x T, which point to the left in the surface."""
         return read_only_copy(np.cross(self.N, self.T), np.float64, (None, 3))
 
     def frames_at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return points, tangents and normals (q, 3) at arc lengths (q,)."""
+        """Return points, unit tangents and unit normals (q, 3) at arc lengths s (q,)."""
         P, T, N = (np.stack([np.interp(s, self.s, x) for x in y.T], axis=-1) for y in (self.P, self.T, self.N))
         return P, unit_vectors(T), unit_vectors(N)
 
@@ -225,7 +225,8 @@ class MemberAxis:
 
 
 def fitted_axis(line: MiddleLine, width: float, edge: float) -> MemberAxis:
-    """Fit an axis to a middle line. width : of the member, metres. edge : mean edge of the mesh, metres."""
+    """Fit a smooth axis to a middle line.
+    width : width of the member, metres.    edge : mean length of a mesh edge, metres."""
     step = max(KNOTS * width, COARSE * edge)
     # the tolerance shrinks with edge^2, like the error of the mesh
     axis, tolerance = _axis_with_knots(line, step), 0.05 * edge * edge / max(edge, width)
@@ -272,7 +273,7 @@ def _spline(x: Floats, y: Floats, step: float, spans: int, closed: bool) -> BSpl
 
 
 def sides(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
-    """Return distances (k, 2), m, from the stations of an axis to the outline of cells (c,), left and right."""
+    """Return the distances (k, 2), m, from the axis to the outline of the mesh faces `cells`, to the left and right."""
     a, b = _outline(surface, cells)
     middle, direction = (a + b) / 2, b - a
     station = np.asarray(cKDTree(axis.P).query(middle)[1])

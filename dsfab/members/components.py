@@ -1,4 +1,4 @@
-"""Components of a sheet that become members."""
+"""Components (groups of mesh faces) of a sheet that become members."""
 
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
@@ -14,13 +14,13 @@ from dsfab.slicing import DrawnBand, Overlay, Sheet, divided_field_values, strip
 from dsfab.surface import CornerField, DividedField, Surface, link_components
 
 Kind = Literal["strip", "stub", "rim", "band", "ring", "disc", "plate", "fill"]
-"""Kinds of members, see `dsfab.members.graph.Member`. Material around supports has the kind "keep" at first."""
+"""Kinds of members, see `dsfab.members.graph.Member`. At first, material around supports has the kind "keep"."""
 FAMILIES = {"major": "A", "minor": "B"}  # First letter of the names of members, for each family of stripes.
-NOWHERE = 10.0  # `DrawnBand.centre` of material without a middle line; all other values are smaller.
+NOWHERE = 10.0  # Value of `DrawnBand.centre` for material without a middle line, larger than all real values.
 
 
 class NamedBand(NamedTuple):
-    """Stripes of a field of the pattern, with the field's name."""
+    """Stripes of a field of the pattern, with the kind of their members and the field's name `family`."""
 
     kind: str
     family: str
@@ -57,9 +57,10 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
-    """Return kind and stripes of kept material: "reach" (within a distance), "plate" (region) or "band" (outline)."""
+    """Return the kind and the stripes of material that a field x keeps uncut.
+    The kind is "reach" (within a distance), "plate" (region) or "band" (along an outline)."""
     zero = np.zeros(1)
-    if x.ndim == 2:  # band: column 0: positive inside the outline; column 1: distance from the outline - width
+    if x.ndim == 2:  # band: column 0 is positive inside the outline, column 1 is distance from the outline - width
         width = -float(x[:, 1].min())
         inward = np.where(x[:, 0] >= 0, -x[:, 1], x[:, 1] + 2 * width)
         return "band", DrawnBand(name, np.stack([inward, inward - width], axis=1), zero, hides=True)
@@ -71,15 +72,15 @@ def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
 
 DISC = 0.4  # Kept material is a disc if its area is over DISC x the area of a circle with the same perimeter.
 HIDDEN, COVERED = 0.05, 0.3
-"""Members with at most this visible fraction of their area are dropped: HIDDEN for strips, COVERED for other kinds."""
+"""A member is dropped if at most this fraction of its area is visible: HIDDEN for strips, COVERED otherwise."""
 
 
 @dataclass(frozen=True, eq=False)
 class Component:
-    """The cells of a future member.
+    """The mesh faces ("cells") of a future member.
     kind   : "strip", "rim", "band", "ring", "disc", "plate" or "fill".    family : family of the pattern, or "".
-    stripe : number of the stripe; 0 for none.    group : equal for parts of a stripe; -1: none.
-    cells  : (c,) cells of the overlay, ascending.
+    stripe : number of the stripe; 0 for none.    group : equal number for all parts of a stripe; -1 for none.
+    cells  : (c,) numbers of faces of the divided sheet, ascending.
     core   : (c,) True for cells that define the member's width.
     line   : middle line, or None.    field : number of the field; -1 for none."""
 
@@ -93,12 +94,13 @@ class Component:
     group: int = -1
 
     def width(self, areas: Floats) -> float:
-        """Return area / length of the middle line, or the root of the area, metres. areas : (m,), m2."""
+        """Return the width (m): area / length of the middle line, or the root of the area without a line.
+        areas : (m,) areas of all mesh faces, m2."""
         area = float(areas[self.cells[self.core]].sum())
         return area / self.line.length if self.line else float(np.sqrt(area))
 
     def with_cells(self, extra_cells: Ints, core: bool) -> "Component":
-        """Return the component with extra cells (k,). core : True if these cells count for the width."""
+        """Return the component with additional mesh faces (k,). core : True if these faces count for the width."""
         cells = np.concatenate([self.cells, extra_cells])
         order = np.argsort(cells, kind="stable")
         marks = np.concatenate([self.core, np.full(len(extra_cells), core)])
@@ -106,8 +108,8 @@ class Component:
 
 
 def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: float) -> list[Component]:
-    """Return the components of an overlay. A cell at a crossing is in several components.
-    normals : (n, 3) unit normals at the vertices of the overlay.    edge : mean edge of the uncut mesh, metres."""
+    """Return the components of a sheet with its stripes (`overlay`). A face at a crossing is in several components.
+    normals : (n, 3) unit normals at the vertices of the sheet.    edge : mean edge of the uncut mesh, metres."""
     pieces = list[Component]()
     round_ = roundness(overlay)
     for k, band in enumerate(bands):
@@ -159,7 +161,7 @@ def _kind(kind: str, roundness: float, lines: list[MiddleLine]) -> str:
 
 
 def roundness(overlay: Overlay) -> Floats:
-    """Return 4 pi area / (length of the outline)^2 of each stripe (k,): 1 for a disc."""
+    """Return the roundness (k,) of each stripe: 4 pi area / (length of the outline)^2, which is 1 for a disc."""
     surface, result = overlay.sheet.surface, np.zeros(len(overlay.of))
     size = surface.edge_lengths
     f, g = overlay.adjacent_cells.T
@@ -198,7 +200,7 @@ def _parts(overlay: Overlay, component: Component, lines: list[MiddleLine], edge
 
 
 def nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints:
-    """Return the number (c,) of the line nearest to each cell, along paths through cells."""
+    """Return the number (c,) of the line that is nearest to each mesh face, along paths through the faces `cells`."""
     if len(lines) == 1:
         return np.zeros(len(cells), dtype=np.int64)
     place = np.full(overlay.sheet.surface.m, -1)
@@ -228,9 +230,9 @@ def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
 
 
 class CellsByStripes(NamedTuple):
-    """Cells labelled by stripes.
-    sheet : m cells, divided along all edges of stripes.
-    label : (m,) number of the combination of stripes on a cell.    loose : (m,) True outside of all stripes."""
+    """Sheet with a label on each mesh face ("cell") for the stripes that cover it.
+    sheet : sheet with m faces, divided along all edges of stripes.
+    label : (m,) number of the combination of stripes on a face.    loose : (m,) True outside of all stripes."""
 
     sheet: Sheet
     label: Ints
@@ -238,7 +240,7 @@ class CellsByStripes(NamedTuple):
 
 
 def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> CellsByStripes:
-    """Return the cells of a sheet that was cut along a pattern, labelled by stripes."""
+    """Return the mesh faces of a sheet that was cut along a pattern, each labelled by the stripes that cover it."""
     bands = pattern_bands(surface, sheet, pattern)
     overlay = stripe_overlay(sheet, surface, [band.drawn for band in bands])
     part, round_ = overlay.part.copy(), roundness(overlay)
@@ -251,7 +253,7 @@ def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> 
 
 
 def without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> CellsByStripes:
-    """Give connected loose cells the label of their neighbours, if all neighbours have the same label.
+    """Give a connected group of faces outside of stripes the label of its neighbours, if their labels are equal.
     label : (m,) number of the combination of stripes.    loose : (m,) True outside of all stripes."""
     f, g = sheet.surface.edges.pairs.T // 3
     both_loose = loose[f] & loose[g]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class SharedPatch(NamedTuple):
-    """Connected cells (c,) that members a and b share.
+    """Connected cells (c,) of the sheet in which the members with the numbers a and b overlap.
     points : (k, 3) crossings of the middle lines in these cells, metres.    at : (k,) the cell of each crossing."""
 
     a: int
@@ -56,7 +56,8 @@ class _SharedCells:
 
 
 def overlaps(overlay: Overlay, member: Ints) -> list[SharedPatch]:
-    """Return all patches of cells that two members share. member : (m, f) member of each cell in f fields, or -1."""
+    """Return all connected groups of cells in which two members overlap.
+    member : (m, f) number of the member that covers each cell, for each of f layers of the pattern; -1 for none."""
     patches = []
     count = member.shape[1]
     for k in range(count):
@@ -125,7 +126,7 @@ class Member:
     area   : area of these cells, m2.
     axis   : axis along the middle, or None.
     sides  : (k, 2) widths (m) to the left and right of each point of the axis; (0, 2) without an axis.
-    ends   : names of the nodes or members at begin and end, or "edge" or "free"; empty if closed."""
+    ends   : at begin and end: name of a node or member, "edge" of the sheet, or "free"; empty if closed."""
 
     id: str
     kind: Kind
@@ -144,7 +145,7 @@ class Member:
 
     @property
     def curve(self) -> MemberAxis:
-        """The axis of a member that has an axis."""
+        """Axis of the member. The member must have an axis."""
         assert self.axis is not None
         return self.axis
 
@@ -168,7 +169,7 @@ class Member:
 class Node:
     """The overlap of two members.
 
-    kind    : crossing if both continue, branch if one ends, end if both end, grazing if middle lines do not meet.
+    kind    : crossing: no member ends. branch: one member ends. end: two end. grazing: middle lines do not meet.
     members : names of the members.    at : (2,) arc length along the axis of each member, metres; NaN without an axis.
     angle   : angle between the members, degrees, 0 to 90; NaN without an axis.
     point   : (3,) metres.    normal : (3,) normal of the surface.    area : area of the overlap, m2."""
@@ -206,13 +207,13 @@ class MemberGraph:
 
     @cached_property
     def nodes_along(self) -> dict[str, tuple[Node, ...]]:
-        """Nodes along the axis of each member, by the member's name, without kind "grazing"."""
+        """Nodes along the axis of each member, except nodes of kind "grazing"; by name of the member."""
         stations = stations_of_nodes(self.members, self.nodes)
         return {name: tuple(node for _, node in sorted(pairs, key=itemgetter(0))) for name, pairs in stations.items()}
 
     @cached_property
     def owner(self) -> Ints:
-        """Number (m,) of the widest member of each cell."""
+        """Number (m,) of the widest member that covers each cell."""
         numbers = np.full(self.sheet.surface.m, -1)
         for k in sorted(range(len(self.members)), key=lambda k: (self.members[k].mean_width, -k)):
             numbers[self.members[k].cells] = k
@@ -249,20 +250,24 @@ class MemberGraph:
 
     @cached_property
     def stub_share(self) -> float:
-        """Share of the sheet's area in short members."""
+        """Fraction of the sheet's area in members of kind "stub" (less than twice as long as wide)."""
         return sum(member.area for member in self._stubs) / self.sheet.surface.area
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences for builders on faults of members."""
+        """Sentences for the builder about stubs, and about overlaps of members that are not nodes."""
         lines = []
         stubs, grazing = self._stubs, [node for node in self.nodes if node.kind == "grazing"]
         if self.stub_share > 0.01:
             lines.append(
-                f"{len(stubs)} stubs (members under twice as long as wide) make up {self.stub_share:.1%} of the sheet"
+                f"{len(stubs)} stubs (members less than twice as long as wide) make up {self.stub_share:.1%} of the "
+                f"sheet"
             )
         if grazing:
-            lines.append(f"{len(grazing)} overlaps are not nodes: members graze, and their middle lines do not meet")
+            lines.append(
+                f"{len(grazing)} overlaps of members are not nodes: these members only graze each other, and their "
+                f"middle lines do not meet"
+            )
         return tuple(lines)
 
     @property
@@ -271,7 +276,7 @@ class MemberGraph:
 
 
 def stations_of_nodes(members: Sequence[Member], nodes: Sequence[Node]) -> dict[str, list[tuple[float, Node]]]:
-    """Return the nodes of each member, with arc lengths (m) on its axis, without kind "grazing"."""
+    """Return the nodes of each member with arc lengths (m) along the axis, except nodes of kind "grazing"."""
     stations: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in members}
     for node in nodes:
         if node.kind != "grazing":
@@ -293,7 +298,7 @@ class Joints:
     normals: Floats
 
     def nodes(self, shared: list[SharedPatch]) -> list[Node]:
-        """Return the nodes of overlaps of members."""
+        """Return the nodes in the overlaps `shared`: a node at each crossing of middle lines, at least 1 in each."""
         listed = []
         for overlap in shared:
             pair = min(overlap.a, overlap.b), max(overlap.a, overlap.b)
@@ -361,8 +366,8 @@ def _angle(a: Floats, b: Floats) -> float:
 
 
 def with_ends(joints: Joints, owner: Ints, nodes: list[Node], surface: Surface) -> list[Member]:
-    """Return the members with the names of their ends.
-    owner   : (m, f) member of each cell for each field, -1 for none.    surface : the surface before the cut."""
+    """Return the members with their field `ends`: the node or member at each end, "edge" or "free".
+    owner   : (m, f) member that covers each cell, for each of f layers; -1 for none.    surface : before the cut."""
     members, parts = joints.members, joints.parts
     by_id = {member.id: member for member in members}
     nodes_on = stations_of_nodes(members, nodes)

@@ -1,4 +1,4 @@
-"""Assign loose cells to members, and remove strips along kept material, such as a rim."""
+"""Assign cells without a member to members, and remove parts of strips that run inside a rim."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -13,7 +13,7 @@ from dsfab.surface import link_components
 
 
 def owners(overlay: Overlay, components: list[Component]) -> Ints:
-    """Return the component (m, f) that contains each cell, for each of f fields; -1 for none."""
+    """Return the number (m, f) of the component (future member) with each cell, for each of f layers; -1 for none."""
     member = np.full((overlay.sheet.surface.m, overlay.part.shape[1]), -1)
     for number, component in enumerate(components):
         if component.field >= 0:
@@ -22,7 +22,7 @@ def owners(overlay: Overlay, components: list[Component]) -> Ints:
 
 
 def with_loose_cells(overlay: Overlay, components: list[Component]) -> list[Component]:
-    """Return components that contain every cell."""
+    """Return the components (future members). Cells without a component join a neighbour, or form new components."""
     surface, member = overlay.sheet.surface, owners(overlay, components)
     loose = np.asarray((member < 0).all(axis=1))
     if not loose.any():
@@ -53,7 +53,8 @@ def with_loose_cells(overlay: Overlay, components: list[Component]) -> list[Comp
 
 
 def _borders(overlay: Overlay, member: Ints, patch: Ints) -> tuple[Ints, Floats]:
-    """Return sorted pairs (b, 2) of a patch and a component, and lengths (b,) of their borders, m."""
+    """Return sorted pairs (b, 2) of a patch and an adjacent component, and the lengths (b,) of common borders, m.
+    member : (m, f) component of each cell, or -1.    patch : (m,) patch of cells without a component, or -1."""
     surface, total = overlay.sheet.surface, int(member.max()) + 1
     f, g = np.concatenate([overlay.adjacent_cells, overlay.adjacent_cells[:, ::-1]]).T
     edge = np.tile(surface.edges.of.ravel()[surface.edges.pairs[:, 0]], 2)
@@ -79,12 +80,12 @@ def _sizes(overlay: Overlay, patch: Ints, count: int) -> tuple[Floats, Floats]:
 
 
 FOLLOWS, INTO = 3.0, 1.5
-"""A line follows kept material, such as a rim, if its length inside exceeds FOLLOWS widths of the material.
-The line then ends INTO widths after it enters the material, so that it still meets the material's middle line."""
+"""A strip is cut if its middle line runs inside kept material, such as a rim, for over FOLLOWS widths of the material.
+The strip then ends INTO widths after its entry into the material, so that the middle lines still meet."""
 
 
 def without_followers(overlay: Overlay, components: list[Component]) -> list[Component]:
-    """Remove parts of strips inside kept material, such as a rim."""
+    """Return the components (future members) without long parts of strips inside kept material, such as a rim."""
     areas, made_by = overlay.sheet.surface.areas, overlay.sheet.family
     member = owners(overlay, components)
     is_kept = np.array([c.kind != "strip" and c.field >= 0 for c in components], dtype=bool)
@@ -110,7 +111,8 @@ def without_followers(overlay: Overlay, components: list[Component]) -> list[Com
 
 
 def _hidden_parts(line: MiddleLine, width: Floats, own_width: float) -> tuple[MiddleLine, list[tuple[int, int]]]:
-    """Return a strip's middle line, and its long parts (first point, last point) inside kept material."""
+    """Return a strip's middle line, and the pairs (first point, last point) of the long parts inside kept material.
+    width : width (m) of the kept material along the line, 0 outside.    own_width : width of the strip, m."""
     if line.closed and (bare := np.flatnonzero(width == 0)).size:
         line, width = line.opened_at(int(bare[0])), np.roll(width, -int(bare[0]))
     last_point, gone = len(line.points) - 1, []

@@ -16,12 +16,12 @@ from dsfab.surface import link_components
 from dsfab.surface.mesh import Surface
 
 ALONG = 0.3
-"""Stripes follow a boundary if the sine of the angle between stripes and boundary is below this (17 degrees)."""
+"""Stripes follow a boundary if the sine of the angle between stripes and boundary is below this limit (17 degrees)."""
 
 
 def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
     """Return a mask (n,) of vertices where stripes follow the boundary. g : (n, 3) unit vectors across stripes.
-    shortest : metres; shorter rows of such vertices are left out."""
+    shortest : length in metres; shorter parts of the boundary do not count."""
     ends = surface.edges.ends[surface.edges.boundary]
     step = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
     moment = np.zeros((surface.n, 3, 3))
@@ -40,8 +40,8 @@ def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
 
 
 def family_crossings(frames: Frames, along: Floats) -> Bools:
-    """Return a mask (n,) of vertices where the families of stripes swap their names, major and minor.
-    along : (n, 3) tangents of major stripes, up to sign."""
+    """Return a mask (n,) of vertices at which to exchange the major and minor direction, to agree with neighbours.
+    along : (n, 3) tangents of major stripes; their sign has no meaning."""
     surface, (i, j) = frames.surface, frames.ends.T
     square = np.cross(frames.normal[j], along[j])
     turned = np.abs(dots(along[i], square)) > np.abs(dots(along[i], along[j]))
@@ -67,7 +67,7 @@ def family_crossings(frames: Frames, along: Floats) -> Bools:
 
 
 def signs_with_short_seams(frames: Frames, along: Floats) -> Floats:
-    """Return signs (n,) for the tangents `along` (n, 3), so that few neighbours have opposite directions."""
+    """Return factors 1 or -1 (n,) for the tangents `along` (n, 3), so that few neighbouring tangents are opposite."""
     surface, (i, j) = frames.surface, frames.ends.T
     against = frames.sides(along, i, j) < 0
     singular = np.logical_xor.reduce(against[surface.edges.of], axis=1)
@@ -75,7 +75,7 @@ def signs_with_short_seams(frames: Frames, along: Floats) -> Floats:
 
 
 def _cut_edges(surface: Surface, singular: Bools) -> Bools:
-    """Return a mask (e,) of edges crossed by paths between singular faces and boundaries."""
+    """Return a mask (e,) of the edges that are crossed by short paths between singular faces and boundary loops."""
     edges = surface.edges
     is_cut = np.zeros(len(edges.ends), dtype=bool)
     if not singular.any():
@@ -116,7 +116,7 @@ def _path_edges(surface: Surface, face: int, predecessor: Ints, singular: Bools)
 
 
 def _path_ends(surface: Surface, singular: Bools) -> Ints:
-    """Return numbers (m,) of faces where paths end; 0 for other faces."""
+    """Return a number (m,) for each singular face, and an equal number for all faces at a boundary loop; else 0."""
     edges = surface.edges
     count, loop = link_components(surface.n, *edges.ends[edges.boundary].T)
     name = np.zeros(surface.m, dtype=np.int64)
@@ -163,7 +163,8 @@ class StressDirections:
     direction: Floats
 
     def confidence(self, areas: Floats) -> Floats:
-        """Return the clarity (m,) of the directions, 0 to 1. Raises PatternError if the stress is zero."""
+        """Return the confidence (m,) in the directions: 0 for equal stresses, near 1 for very different stresses.
+        Raises PatternError if the stress is zero."""
         differ = np.abs(self.stress[:, 0] - self.stress[:, 1])
         reference = float(np.sqrt((areas @ (self.stress**2).sum(axis=1)) / (2 * areas.sum())))
         if not reference > 0:
@@ -172,7 +173,7 @@ class StressDirections:
 
 
 RISE = (0.02, 0.75)
-"""Limits of the mean squared slope (sine) of a shell with arches: a flat plate has 0, half a sphere 2/3, a tower 1."""
+"""Range of the mean sin^2(slope) of a shell with arches. A flat plate has 0, half a sphere 2/3, a tower 1."""
 CLEAR_SHARE = 0.75  # Fraction of a family's area in tension above which the family is called "pulled".
 
 
@@ -217,7 +218,7 @@ def cross_field(
 ) -> Floats:
     """Return unit directions (n, 3) of the major stripes at the vertices; their sign has no meaning.
     length   : metres over which unclear directions are smoothed.
-    turn     : rotation from the stress, radians, counter-clockwise as seen from the tip of the normal.
+    turn     : angle from the first principal stress to the stripes, radians, counter-clockwise about the normal.
     guidance : guides that stripes follow.
     Raises PatternError if the stress is zero."""
     surface = frames.surface

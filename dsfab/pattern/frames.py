@@ -14,8 +14,8 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 FEW = 16
-"""Largest number of vertices on turned edges (see `TwistedFactors.factor`) for which `_corrected_solver` is used.
-`_corrected_solver` needs one solve for each of these vertices. For more vertices, `_real_factor` is faster."""
+"""Limit of the number of vertices on turned edges (see `TwistedFactors.factor`) for the use of `_corrected_solver`.
+This method needs one solve for each of these vertices. For more vertices, `_real_factor` is faster."""
 
 Solve = Callable[[Complexes], Complexes]
 
@@ -28,8 +28,9 @@ class TwistedFactors:
         self._V, self._ends, self._one_pattern = V, ends, SamePatternFactors(V)
 
     def factor(self, coupling: Complexes, diagonal: Floats, turned: Bools | None = None) -> Solve:
-        """Return a function b -> x that solves (K + diagonal) x = b, with a twisted Laplacian K. Valid until next call.
-        coupling : (e,) complex weights.    turned : (e,) edges across which K uses the conjugate of x."""
+        """Return a function b -> x that solves (K + diagonal) x = b and is valid until the next call.
+        (K x)_i sums |w| x_i - w x_j over the edges from i to j. In the reverse direction, conj(w) replaces w.
+        coupling : (e,) complex weights w.    turned : (e,) edges with w conj(x_j) in place of w x_j."""
         turned = np.zeros(len(coupling), dtype=bool) if turned is None else turned
         across = np.unique(self._ends[turned])
         if len(across) > FEW:
@@ -44,7 +45,7 @@ class TwistedFactors:
 
     def hermitian(self, coupling: Complexes, diagonal: Floats) -> Solve:
         """Return a function b -> x that solves A x = b for a Hermitian matrix A.
-        coupling : (e,) values of A off the diagonal."""
+        coupling : (e,) A[i, j] for each edge (i, j).    diagonal : (n,) A[i, i]."""
         solve: Any = self._one_pattern.factor(
             self._complex_pattern.matrix(np.concatenate([coupling, coupling.conj(), diagonal]))
         )
@@ -81,7 +82,7 @@ class TwistedFactors:
 
 
 class _EntryPositions:
-    """Builder of sparse matrices (N, N) with the same pattern."""
+    """Builds sparse matrices (N, N) with nonzero values in the same places."""
 
     def __init__(self, rows: Ints, columns: Ints, N: int) -> None:
         place = coo_array((np.arange(1, len(rows) + 1), (rows, columns)), shape=(N, N)).tocsr()
@@ -92,7 +93,7 @@ class _EntryPositions:
 
 
 def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
-    """Return a function b -> x that solves H x - W conj(x[across]) = b."""
+    """Return a function b -> x that solves H x - W conj(x[across]) = b. solve : solver b -> x of H x = b."""
     Z = solve(W)
     Z_across, identity = Z[across], np.eye(len(across))
     inverse = np.linalg.inv(
@@ -135,7 +136,8 @@ class Frames:
 
     @cached_property
     def turning(self) -> Floats:
-        """(e,) angle, radians, to add to a direction at an edge's second end, for the frame of the first end."""
+        """Angle (e,), radians, to add to a direction angle in the frame at an edge's second end. The sum is the
+        angle of the same direction in the frame at the first end."""
         i, j = self.ends.T
         across = cross(self.normal[j], self.normal[i])
         cosine = dots(self.normal[i], self.normal[j])[:, None]
@@ -168,8 +170,7 @@ def dots(a: Floats, b: Floats) -> Floats:
 
 
 def corner_sums(surface: Surface, x: Floats) -> Floats:
-    """Return the sum (n,) of values x (m, 3) at each vertex.
-    x : a value for each corner of each face."""
+    """Return the sum (n,) of values x (m, 3) at each vertex. x : a value for each corner of each face."""
     return np.bincount(surface.F.ravel(), x.ravel(), surface.n).astype(np.float64)
 
 

@@ -18,20 +18,18 @@ from dsfab.surface.mesh import Surface
 
 
 class GuideError(PatternError, ValueError):
-    """A guide that contradicts itself."""
+    """Error for a guide with contradictory settings."""
 
 
 @dataclass(frozen=True)
 class Guide:
-    """A curve, or a direction in a region, for stripes.
+    """A curve that stripes follow, or a direction of stripes in a region.
     curve     : points of a polyline on the surface or near it, metres.
     reach     : distance from the curve at which the weight falls to 0, m; default: the smaller stripe spacing.
-    at        : a region, instead of a curve.
-    direction : direction (3,) of stripes in the region.
+    at        : a region, instead of a curve.    direction : direction (3,) of stripes in the region.
     weight    : 1 is as strong as a clear stress; 100 or more overrules the stress.
-    family    : the family whose stripes follow the guide.
-    member    : True for a member on the curve itself.
-    Raises GuideError unless one of `curve`, `at` is set, not both. A region needs a direction."""
+    family    : family of the stripes that follow the guide.    member : True if the curve itself becomes a member.
+    Raises GuideError unless exactly one of `curve` and `at` is set, or if a region has no direction."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     curve: tuple[Vector, ...] | None = None
@@ -48,24 +46,24 @@ class Guide:
         if self.at is not None and self.reach is not None:
             raise GuideError("the key reach is for a curve; remove the key, because pick gives the size of the region")
         if self.at is not None and self.member:
-            raise GuideError("only a curve can be a member; remove the key member from the region")
+            raise GuideError("only a guide that is a curve can be a member; remove the key member from the region")
         if self.curve is not None and self.direction is not None:
-            raise GuideError("a curve has its own directions; leave direction out")
+            raise GuideError("a guide that is a curve defines its own directions; leave the key direction out")
         if self.curve is not None and len(set(self.curve)) < 2:
-            raise GuideError("curve needs two different points or more")
+            raise GuideError("the key curve needs at least two different points")
         if self.at is not None and not any(self.direction or ()):
             raise GuideError("a region needs a direction that is not zero, such as [1.0, 0.0, 0.0]")
 
     @property
     def pull(self) -> float:
-        """Weight with which stripes follow the guide."""
+        """Weight of the guide relative to the stress: `weight`, but at least 100 if the guide becomes a member."""
         return max(self.weight, 100.0) if self.member else self.weight
 
 
 @dataclass(frozen=True, eq=False)
 class Guidance:
-    """Directions that a guide demands at the vertices, with weights.
-    weight : (n,).    square : (n,) weight x e^2; e: direction of major stripes, complex in the vertex's frame."""
+    """Directions of stripes that a guide demands at the vertices.    weight : (n,) weight of the guide.
+    square : (n,) weight x e^2. The complex number e is the direction of major stripes in the vertex's frame."""
 
     weight: Floats
     square: Complexes
@@ -101,7 +99,7 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
     if np.abs(square).max() < 0.1**2:  # the direction is under 6 degrees from the normal
         subject = "the direction is" if guide.at is not None else "the curve is"
         raise PatternError(
-            f"pattern.guide.{number}: {subject} perpendicular to the surface, so stripes cannot follow the guide; "
+            f"pattern.guide.{number}: {subject} perpendicular to the surface, so stripes cannot follow this guide; "
             "choose a guide along the surface"
         )
     return np.asarray(square)
@@ -124,8 +122,9 @@ def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> C
         square[rows] = np.maximum(1 - (nearest_piece / reach) ** 2, 0.0) ** 2 * mean
     if not nearest < reach:
         raise PatternError(
-            f"pattern.guide.{number}: the curve is {nearest:.3g} m from the nearest vertex of the surface, but its "
-            f"reach is {reach:.3g} m; move it onto the surface, or raise reach (edges are {surface.mean_edge:.3g} m)"
+            f"pattern.guide.{number}: the curve is {nearest:.3g} m from the nearest vertex of the surface, but the "
+            f"reach of the guide is {reach:.3g} m; move the curve onto the surface, or raise reach (the mean edge "
+            f"length is {surface.mean_edge:.3g} m)"
         )
     return square
 
@@ -158,14 +157,14 @@ class GuideLine:
             points, faces = _points_on_surface(surface, np.array(guide.curve))
             if len(points) < 2:
                 raise PatternError(
-                    f"pattern.guide.{k}: the curve is outside the surface's edge and cannot be a member; move it "
-                    "onto the surface, or remove the key member"
+                    f"pattern.guide.{k}: the curve is outside the surface and cannot be a member; move the curve onto "
+                    f"the surface, or remove the key member"
                 )
             lines.append(cls(k, guide.family, points, faces))
         return lines
 
     def target_phases(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
-        """Return the vertices (v,) beside the curve, and phases (v,), periods, that put a stripe on it.
+        """Return the vertices (v,) beside the curve, and phases (v,), periods, that put a stripe on the curve.
         g : (n, 3) unit direction of the phase's gradient, up to sign.    density : (n,) periods per m."""
         surface = frames.surface
         vertices = np.unique(surface.F[self.faces])
@@ -181,14 +180,15 @@ class GuideLine:
         return vertices, phase - np.rint(phase)
 
     def followed_share(self, surface: Surface, phase: CornerPhase, step: int) -> float:
-        """Return the share of the curve that a stripe follows. step : distance between stripes, in periods."""
+        """Return the fraction of the curve that lies on centre lines of stripes.
+        step : distance between these centre lines, in periods."""
         F = surface.F[self.faces]
         z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], _barycentric(surface.V[F], self.points))
         distance = np.abs(z - step * np.rint(z / step))
         return float(((distance < 0.05) & ~phase.singular[self.faces]).mean())
 
     def runs_across(self, directions: Floats) -> bool:
-        """Return True if the curve mostly runs across the unit vectors `directions` (m, 3)."""
+        """Return True if the curve is more perpendicular than parallel to the unit vectors `directions` (m, 3)."""
         step = unit_vectors(np.diff(self.points, axis=0))
         return bool((dots(step, directions[self.faces[:-1]]) ** 2).mean() < 0.5)
 

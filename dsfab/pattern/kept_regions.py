@@ -14,21 +14,21 @@ from dsfab.surface.topology import link_components
 
 EVEN = 0.01  # Largest error of a region's outline, divided by the region's `reach` (see `curve_fields`).
 SNAP = 0.05
-"""Usual `slicing.snap`: a cut nearer to a vertex than this fraction of an edge goes through the vertex.
-If that would move a region's outline by over 2 x `EVEN` x `reach` (see `SHORT`), edges at the vertex are halved."""
+"""Usual `slicing.snap`: a cut nearer to a vertex than this fraction of an edge is moved to the vertex.
+If this would move a region's outline by over 2 x `EVEN` x `reach` (see `SHORT`), edges at the vertex are halved."""
 SHORT = 1 / 16
-"""Smallest edge that is halved, divided by `reach`. A region ends at the distance `reach` from its origins."""
-FINEST = 1 / 16  # Edges shorter than this fraction of the longest side of their uncut face are not halved.
-NEAR = 0.3  # Largest move of an outline onto a vertex, as a fraction of a mesh edge; also at most `EVEN` x `reach`.
-ASIDE = 0.1  # An edge is divided at an outline within this fraction of the edge from the middle, else at the middle.
+"""Shortest edge that may be halved, divided by `reach`. A region ends at the distance `reach` from its origins."""
+FINEST = 1 / 16  # Shortest edge that may be halved, as a fraction of the longest side of its original face.
+NEAR = 0.3  # Largest move of an outline onto a vertex, in mesh edges; `EVEN` x `reach` is a second limit.
+ASIDE = 0.1  # An edge is divided at the middle, or at an outline within this fraction of the edge from the middle.
 
 
 def curve_fields(
     surface: Surface, regions: Sequence[tuple[Origins, float]], rounds: int = 16, most_parts: int = 300_000
 ) -> list[Floats | DividedField]:
     """Return a field (n,) for each region: minus the distance (m) along the surface from the region's origins.
-    regions : pairs of origins and the distance (m) at which a region ends.
-    Far outside a region, distances are only lower bounds."""
+    regions : origins, and the distance (m) at which the region ends. Far outside, distances are only lower bounds.
+    rounds : largest number of mesh refinements.    most_parts : largest number of added faces."""
     divided, reaches = DividedSurface.undivided(surface), [reach for _, reach in regions]
     for rounds_left in reversed(range(rounds)):
         fields = [
@@ -61,7 +61,7 @@ def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distance
 
 
 def _crossings(surface: Surface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Floats:
-    """Return fractions (e,), 0 to 1, at which to divide edges."""
+    """Return the fraction (e,), 0 to 1, at which to divide each edge: at a region's outline near 1/2, else 1/2."""
     position, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
     for distances, reach in zip(region_distances, reaches, strict=True):
         middle = distances.middle
@@ -105,12 +105,12 @@ def _finite_distances(distance: Floats, reach: float) -> Floats:
 
 
 def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools:
-    """Return a mask (e,) of edges to divide."""
+    """Return a mask (e,) of edges to divide for a more accurate outline at the distance `reach` (m)."""
     vertex, middle, faces = distances.vertex, distances.middle, np.flatnonzero(distances.reached)
     sides, ends = surface.edges.of[faces], surface.edges.ends
     deviation = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
     farthest = np.maximum(vertex[surface.F[faces]], middle[sides]).max(axis=1)
-    deviation[farthest == 0] = reach  # divide faces with distance 0 on all sides to see distances inside
+    deviation[farthest == 0] = reach  # faces with distance 0 on all sides are divided, to measure distances inside
     is_uneven = np.zeros(len(ends), dtype=bool)
     is_uneven[sides[(deviation > EVEN * reach) & (farthest + deviation.max(axis=1) >= reach)[:, None]]] = True
     finite = _finite_distances(vertex, reach)
@@ -170,7 +170,9 @@ def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float)
         inside = region_sides(surface, faces)
         edges = outline_edges(surface, faces)
         if not edges.any():
-            raise PatternError(f"{region_key(regions, k)} has no edge on the surface; move or shrink the region")
+            raise PatternError(
+                f"the outline of {region_key(regions, k)} does not cross the surface; move or shrink the region"
+            )
         length = float(surface.edge_lengths[edges].sum())
         width = regions[k].width or rim or 0.25 * 2 * float(surface.areas[faces].sum()) / length
         origins = Origins(_edge_ends(surface, edges), edges, np.zeros(surface.m, dtype=bool))
@@ -194,8 +196,8 @@ def _faces(surface: Surface, regions: Sequence[PatternRegion], do: str) -> Itera
 
 
 def region_sides(surface: Surface, faces: Bools) -> Floats:
-    """Return 1 (n,) at vertices whose faces are all marked, -1 at vertices without a marked face, else 0.
-    faces : mask (m,)."""
+    """Return a value (n,) for each vertex: 1 if all adjacent faces are marked, -1 if none is marked, 0 otherwise.
+    faces : mask (m,) of marked faces."""
     is_side = np.zeros((2, surface.n), dtype=bool)
     is_side[0, surface.F[faces]] = is_side[1, surface.F[~faces]] = True
     return np.asarray(is_side[0].astype(np.float64) - is_side[1])
@@ -213,35 +215,35 @@ def distance_to_boundary(surface: Surface, reach: float = np.inf) -> Floats:
 
 
 def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.inf) -> Floats:
-    """Return the distance (n,) to marked vertices, and to the edges and faces between these vertices, metres.
-    Distances above `reach` are not valid."""
+    """Return the distance (n,), metres, to marked vertices, and to edges and faces with only marked vertices.
+    vertices : mask (n,) of marked vertices.    Distances above `reach` are not valid."""
     patch = patches(surface, vertices)
     curves = geodesic_distances(surface, curve_origins(surface, vertices & ~patch), reach)
     return np.minimum(distance_to_patches(surface, patch), curves.vertex)
 
 
 def patches(surface: Surface, vertices: Bools) -> Bools:
-    """Return a mask (n,) of marked vertices in patches. A patch has at least one face with three marked vertices."""
+    """Return a mask (n,) of marked vertices that are connected, along edges, to a face with three marked vertices."""
     edges, faces = _spanned_parts(surface, vertices)
     _, part = link_components(surface.n, *surface.edges.ends[edges].T)
     return np.asarray(vertices & np.isin(part, part[surface.F[faces]]))
 
 
 def distance_to_patches(surface: Surface, vertices: Bools) -> Floats:
-    """Return the straight distance (n,) to marked vertices and to the edges and faces between them, metres."""
+    """Return the straight distance (n,), m, to marked vertices, and to edges and faces with only marked vertices."""
     ends = surface.edges.ends
     faces, edges = surface.F[vertices[surface.F].all(axis=1)], ends[vertices[ends].all(axis=1)]
     return euclidean_distances(surface, (faces, edges, np.flatnonzero(vertices)[:, None]))
 
 
 def boundary_origins(surface: Surface) -> Origins:
-    """Return the boundary edges and vertices, from which distances are measured."""
+    """Return the boundary edges and vertices as the origins of distances."""
     edges = surface.edges.boundary
     return Origins(_edge_ends(surface, edges), edges, np.zeros(surface.m, dtype=bool))
 
 
 def curve_origins(surface: Surface, vertices: Bools) -> Origins:
-    """Return marked vertices (n,), and the edges between them, from which distances are measured."""
+    """Return marked vertices (n,), and edges between two marked vertices, as the origins of distances."""
     edges, _ = _spanned_parts(surface, vertices)
     return Origins(vertices, edges, np.zeros(surface.m, dtype=bool))
 
@@ -263,7 +265,8 @@ def kept_layers(
     surface: Surface, marked: Bools, keep: float, rim: float, regions_of_user: Sequence[PatternRegion] = ()
 ) -> list[Layer]:
     """Return the layers of the pattern for all parts that stay solid.
-    keep : width (m) around marked vertices (n,).    rim : width (m) along the boundary."""
+    keep : width (m) of solid parts around `marked` vertices (n,).    rim : width (m) of the solid rim.
+    regions_of_user : solid regions and bands that the preset defines."""
     patch = patches(surface, marked)
     regions = []
     if keep and (marked & ~patch).any():

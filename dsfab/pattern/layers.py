@@ -19,8 +19,8 @@ from dsfab.surface.mesh import Surface
 
 class Layer(NamedTuple):
     """Values on the surface, and levels of these values that divide material from openings.
-    field      : values (n,): material if an odd number of levels lies below. Values (n, 2): material if a level lies
-                 below the first number, not below the second.
+    field      : values (n,): a point is material if an odd number of levels is below its value. Values (n, 2): a
+                 point is material if a level lies between its second and its first value.
     half_width : (n,) half widths of stripes, in periods.
     closed     : (n,) or None. An opening becomes material if the mean of these values in it is positive."""
 
@@ -46,7 +46,7 @@ class ModeFamily:
     def from_mode(
         cls, surface: Surface, name: str, stripes: Stripes, x: Floats, stress: Floats | None = None, radius: float = 0.0
     ) -> "ModeFamily":
-        """Return the stripes on an eigenmode x (n,). stress : (n,) along the stripes, default 1.
+        """Return the stripes on an eigenmode x (n,). stress : (n,) size of the stress along the stripes, default 1.
         radius : radius (m) of the disc over which stripes per metre are averaged."""
         stress = np.ones(surface.n) if stress is None else stress
         return cls(name, stripes, x, slopes(surface, stripes.phases(x), radius), stress)
@@ -55,10 +55,10 @@ class ModeFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return half widths (n,) of the stripes, in periods. factor : on half widths, before limits apply."""
+        """Return half widths (n,) of the stripes, in periods. factor : factor on half widths, before limits apply."""
         return widths.half_widths(self.stripes.half_width, self.slope, self.stress, factor)
 
-    adds = 0  # no effect: stripes on a mode have no finer stripes
+    adds = 0  # no effect, because stripes on a mode add no finer stripes
 
     @property
     def density(self) -> Floats:
@@ -97,7 +97,7 @@ class DrawableFamily(Protocol):
         ...
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return half widths (n,) of the stripes, in periods. factor : on half widths, before limits apply."""
+        """Return half widths (n,) of the stripes, in periods. factor : factor on half widths, before limits apply."""
         ...
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
@@ -117,7 +117,7 @@ def stripe_layers(
 
 
 def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
-    """Return the factor on half widths that gives the mean half width of the width rule `plain`.
+    """Return the factor on half widths that makes their mean equal to the mean of the width rule `plain`.
     Raises PatternError if too little of the surface is stressed."""
     free = Widths(widths.rule, widths.member, widths.q)
 
@@ -130,10 +130,10 @@ def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], width
 
 CLOSING_WIDTHS = (1.45, 1.55)
 """Two limits of half widths, as multiples of the crowded half width: max(`SLIT`, `CROWDING` x median half width).
-Up to the first limit, members become thinner, so that openings stay. From the second limit on, members merge.
-Openings that become material as a whole (see `Layer.closed`) use `WHOLE` instead."""
+Up to the first limit, half widths are cut to the crowded half width, so that openings stay. Above the second limit,
+neighbouring members merge. For openings that are filled as a whole (see `Layer.closed`), the limit is `WHOLE`."""
 FOLLOWING_WIDTHS = (1.15, 1.25)
-"""Limits in place of `CLOSING_WIDTHS` if widths follow stress. They are lower, because large stress needs material."""
+"""Limits in place of `CLOSING_WIDTHS` if widths follow stress; lower, because large stress needs material."""
 WHOLE = 1.3
 """An opening is filled if the mean half width in it is over WHOLE x the crowded half width (see `CLOSING_WIDTHS`).
 If widths follow the stress, the factor is the mean of the two `FOLLOWING_WIDTHS` instead of `WHOLE`."""
@@ -144,14 +144,14 @@ WIDTH_RULES = {
     "closing": CLOSING_WIDTHS,
     "following": FOLLOWING_WIDTHS,
 }
-"""Limits of stripe widths for the editor's page, which shows widths as the user moves a slider."""
+"""Limits of stripe widths for the page of the editor, which shows widths while the user moves a slider."""
 
 
 @dataclass(frozen=True, eq=False)
 class EvenFamily:
-    """Evenly spaced stripes, with centre lines where a phase is a whole number.
-    wanted  : (m,) for each halving: the fraction of each face in which no lines are removed.
-              The first halving removes the finest lines.
+    """Evenly spaced stripes, with centre lines where a phase is a whole number. A halving removes every second line
+    in a part of the surface.
+    wanted  : for each halving, the fraction (m,) of each face in which no lines are removed.
     slope   : (n,) lines per metre before halvings.    density : (n,) remaining lines per metre.
     whole   : True to fill whole openings between members that are too close, False to fill narrow parts only."""
 
@@ -169,11 +169,12 @@ class EvenFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return half widths (n,), divided by the distance of remaining lines. factor : factor on the half widths."""
+        """Return half widths (n,) of stripes, divided by the distance between the centre lines after halvings.
+        factor : factor on the half widths, before narrow gaps are closed."""
         return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return a layer of lines that remain everywhere, then a layer for each halving."""
+        """Return a layer of the stripes that remain after all halvings, then a layer of stripes for each halving."""
         requested = self._requested_half_widths(widths, factor)
         local = self._closed_half_widths(requested, widths)
         opened, closed = local, None
@@ -193,7 +194,7 @@ class EvenFamily:
         return layers
 
     def _requested_half_widths(self, widths: Widths, factor: float) -> Floats:
-        """Return half widths (n,), divided by the distance of the remaining lines."""
+        """Return half widths (n,) before narrow gaps are closed, divided by the distance between centre lines."""
         rule = replace(widths, min_gap=0.0) if widths.rule != "plain" else widths
         return rule.half_widths(self.stripes.half_width, self.density, self.stress, factor)
 
@@ -224,9 +225,9 @@ class EvenFamily:
 
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
-    """Return half widths (n,) of stripes, divided by the line distance before halvings.
-    local : half widths divided by the line distance after halvings.
-    slope, density : (n,) lines per metre before and after halvings."""
+    """Return half widths (n,) of stripes, divided by the distance of centre lines before halvings.
+    local : half widths, divided by the distance of centre lines after halvings.
+    slope, density : (n,) centre lines per metre before and after halvings."""
     return np.asarray(np.where(local >= SOLID, SOLID * 2**halvings, local * slope / density))
 
 
@@ -244,7 +245,8 @@ def face_points(side: int = 3) -> Floats:
 
 
 def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -> Bools:
-    """Return a mask (m, p) of points in material. points : barycentric coordinates (p, 3) in each face."""
+    """Return a mask (m, p) of the points in each face that lie in material of any layer.
+    points : barycentric coordinates (p, 3) of the points."""
     is_material = np.zeros((surface.m, len(points)), dtype=bool)
     for layer in layers:
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]

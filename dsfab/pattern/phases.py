@@ -16,10 +16,10 @@ from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.mesh import Surface
 
 SHIFT = 1e-3
-"""Shift of the inverse iteration, times the squared spacing of stripes. It makes the matrix positive definite."""
+"""Shift of the inverse iteration, times the squared stripe spacing. The shift makes the matrix positive definite."""
 FLOW = 0.25  # 1 / duration of a step of diffusion, in units of (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
-"""Error (periods) below which a locked vertex gets exactly its target phase. Members at boundaries stay straight."""
+"""Locked vertices with an error below this (periods) get exactly their target phase. Boundary members stay straight."""
 LOCK = 3.0  # Weight of the target phases in `Flow.solve`, per area of the surface and divided by (2 pi / spacing)^2.
 
 
@@ -34,13 +34,13 @@ class Flow:
 
     @cached_property
     def sign(self) -> Floats:
-        """(e,) 1 if the directions g at the ends of an edge make an angle under 90 degrees, else -1."""
+        """For each edge (e,): 1 if the angle between the directions g at its ends is below 90 degrees, else -1."""
         i, j = self.frames.ends.T
         return self.frames.sides(self.g, i, j)
 
     @cached_property
     def turn(self) -> Floats:
-        """(e,) growth of the phase from first to second end of each edge, periods; positive along g."""
+        """Growth (e,) of the phase from the first to the second end of each edge, periods; positive along g."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -48,7 +48,7 @@ class Flow:
 
     @cached_property
     def coupling(self) -> Complexes:
-        """(e,) complex weight of each edge between the phases at its ends."""
+        """Complex weight (e,) of each edge: the cotangent weight times exp(-2 pi i `turn`)."""
         return self.frames.coupling(-2 * np.pi * self.turn)
 
     def solve(
@@ -63,10 +63,10 @@ class Flow:
         """Return the phases (n,) of stripes at the vertices, in periods, -1/2 to 1/2. Phases grow along `g`.
         The method is diffusion with normalisation [Merriman, Bence, Osher 1992; for phases Viertel, Osting 2019].
         start : (n,) start of the iteration.
-        lock  : (n,) vertices on the centre line of a stripe.
+        lock  : (n,) vertices with a target phase.    rounds : number of diffusion steps.
         projection : projection onto symmetric fields; default: none.
-        aim   : (n,) target phases at locked vertices, in periods, -1/2 to 1/2; default 0.
-        free  : True to begin without locked vertices."""
+        aim   : (n,) target phases, in periods, -1/2 to 1/2; default 0: the centre line of a stripe.
+        free  : True to begin the iteration without target phases."""
         surface, n = self.frames.surface, self.frames.surface.n
         mass = np.maximum(surface.vertex_areas, 1e-12 * surface.area)
         inverse_square = float(surface.vertex_areas @ self.density / surface.area) ** 2
@@ -107,8 +107,8 @@ def _complex_numbers(x: Floats) -> Complexes:
 
 @one_blas_thread()  # two threads took three times as long for products of vectors
 def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
-    """Apply a linear function B `power` times to x (N,); return the scaled result, sum(mass x^2) = 1.
-    products : largest number of calls of B, by Arnoldi's method [Saad 1992]."""
+    """Return B(B(...B(x))) with `power` calls of a linear function B on x (N,), scaled to sum(mass x^2) = 1.
+    products : largest number of real calls of B; Arnoldi's method replaces further calls [Saad 1992]."""
     basis = [_unit_vector(B(x), mass)]
     H = np.zeros((products, products - 1))
     for k in range(products - 1):
@@ -136,7 +136,7 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
-    """Return phases (n,), shifted by half a period if centre lines then have larger `weight` (n,)."""
+    """Return the phases (n,), all shifted by half a period if this moves centre lines to larger `weight` (n,)."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
         return phase
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
@@ -150,9 +150,8 @@ def _unit_numbers(x: Complexes) -> Complexes:
 class CornerPhase:
     """Phase of stripes on a surface, a whole number on each centre line.
     value    : (n,) phase at the vertices, periods.
-    sign     : (m, 3) 1 or -1. The phase at a face's corner is sign * value + shift.    shift : (m, 3) whole numbers.
-    singular : (m,) faces without a phase.
-    broken   : number of faces in which a stripe ends."""
+    sign     : (m, 3) 1 or -1.    shift : (m, 3) whole numbers. The phase at a face's corner is sign * value + shift.
+    singular : (m,) faces without a phase.    broken : number of faces in which a stripe ends."""
 
     value: Floats
     sign: Floats
@@ -178,7 +177,7 @@ class CornerPhase:
         return np.asarray(np.einsum("mcx,mc->mx", hat_gradients(surface), self.corners(surface)))
 
     def times(self, factor: int) -> "CornerPhase":
-        """Return the phase with `factor` (a whole number) stripes in place of each stripe."""
+        """Return the phase multiplied by a whole number `factor`: `factor` stripes replace each stripe."""
         return replace(self, value=factor * self.value, shift=factor * self.shift)
 
 
@@ -198,7 +197,7 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
     step = flow.turn + miss - np.rint(miss)
     edge, F = surface.edges.of, surface.F
     forward = i[edge] == F  # half-edges that run in their edge's direction
-    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # positive along g where the half-edge starts
+    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # phase growth, with the sign of g at the start
     edge_sign = sign[edge]
     s1 = edge_sign[:, 0]
     s2 = s1 * edge_sign[:, 1]
@@ -239,9 +238,9 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
 def propagate_phases(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
-    """Set `signs` and `shifts` (m,) of the faces in `order`, so that phases have no jumps.
-    predecessor : (m,) the face before each face.
-    s, q : sign and shift between adjacent faces.    link : (m, m) 1 + index into s, q; negative in reverse."""
+    """Set `signs` and `shifts` (m,) of the faces in `order`, so that the phase has no jump from face to face.
+    predecessor : (m,) the neighbour from which a face is reached.    s, q : phase = s x (neighbour's phase) + q.
+    link : (m, m) 1 + index into s, q for a face and its neighbour; negative in the reverse direction."""
     child = order[1:]
     if not len(child):
         return
@@ -261,7 +260,7 @@ def propagate_phases(
 
 
 def _seen_by_first_faces(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the same phase with the values of the first regular face at each vertex."""
+    """Return the same phase; the first non-singular face at each vertex gets sign 1 and shift 0 at this vertex."""
     first_corner = np.full(len(phase.value), -1)
     corner = surface.F.ravel()
     usable = np.flatnonzero(np.repeat(~phase.singular, 3))

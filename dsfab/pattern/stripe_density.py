@@ -11,7 +11,7 @@ from dsfab.surface.mesh import Surface
 
 SMOOTH = 0.02  # Weight of |grad u|^2, for u = log(density). This term determines u where directions are unclear.
 EVEN = 0.3
-"""Weight of u^2 for u = log(density of stripes), divided by the surface's area: it keeps the density near its mean."""
+"""Weight of u^2 times the surface's area, for u = log(density of stripes). The term keeps the density near its mean."""
 RANGE = (-2.0, 1.5)  # Bounds of u = log(density of stripes) if no lines are removed (see `Halving`).
 COARSE_RANGE = (-1.0, 3.0)
 """Bounds of u, the logarithm of the relative density of stripes, if lines may be removed (see `Halving`)."""
@@ -42,15 +42,15 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     coupling = np.bincount(surface.edges.of.ravel(), along_edges.ravel(), len(surface.edges.ends))
     diagonal = corner_sums(surface, blocks[:, (0, 1, 2), (0, 1, 2)]) + EVEN / surface.area * mass
     right = corner_sums(surface, p * (weight * curl / np.maximum(length, 1e-9))[:, None])
-    # complex numbers reuse the analysed sparse pattern of the complex matrix for phases
+    # a complex matrix can reuse the symbolic analysis of the matrix for phases
     u = frames.twisted_factors.hermitian(coupling.astype(complex), diagonal)(right.astype(complex)).real
     return np.asarray(u - weighted_quantile(u, surface.vertex_areas, 0.5))
 
 
 class Halving(NamedTuple):
-    """Halvings of the stripes' centre lines: a halving removes every second line.
-    most : largest number of halvings.    wish : (n,) wished number, not rounded, 0 to `most`.
-    free : (n,) wished number without limits.    limits : bounds of u = log(density before halvings)."""
+    """Numbers of halvings of the stripes' centre lines. A halving removes every second line.
+    most : largest number.    wish : (n,) best number at each vertex, not rounded, 0 to `most`.
+    free : (n,) best number without these limits.    limits : bounds of u = log(density before halvings)."""
 
     most: int
     wish: Floats
@@ -59,13 +59,13 @@ class Halving(NamedTuple):
 
     @property
     def times(self) -> Floats:
-        """(n,) number of halvings at each vertex, from 0 to `most`."""
+        """Whole number (n,) of halvings at each vertex, from 0 to `most`."""
         return np.floor(self.wish)
 
 
 def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
     """Return the halvings (removals of every second line) for the most even spacing.
-    u : (n,) logarithm of the density of lines.    mass : (n,) areas.    allowed : False for no halvings."""
+    u : (n,) logarithm of the density of lines.    mass : (n,) vertex areas.    allowed : False for no halvings."""
     if not allowed:
         return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)
     ascending = np.argsort(u, kind="stable")  # sorted once, for fast quantiles
@@ -91,7 +91,7 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
 
 def density(surface: Surface, u: Floats, spacing: float, halved: Halving) -> Floats:
     """Return the density of centre lines (n,), per metre, before halvings.
-    spacing : mean distance (m) of lines after halvings.    u : (n,) logarithm of the density."""
+    spacing : mean distance (m) of lines after halvings.    u : (n,) logarithm of the relative density."""
     w = np.exp(np.clip(u, *halved.limits))
     remaining = w / 2**halved.times
     mean = float(surface.vertex_areas @ remaining) / surface.area

@@ -25,8 +25,7 @@ def half_width(threshold: float) -> float:
 @dataclass(frozen=True)
 class Stripes:
     """Stripes of material where p(frequency x + phase) > threshold; p is the triangle wave, x an eigenmode.
-    frequency : stripes per unit of the mode; positive.
-    phase     : shift in periods.
+    frequency : stripes per unit of the mode; positive.    phase : shift in periods.
     threshold : -1 (all is material) to 1 (all is void).
     Raises PatternError for other values."""
 
@@ -58,12 +57,12 @@ class Stripes:
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
-        """Return pairs (n, 2): phase of the mode x (n,) plus half width d (n,), and minus d."""
+        """Return pairs (n, 2): z + d and z - d. Here, z is the phase of a mode x (n,), and d (n,) a half width."""
         z = self.phases(x)
         return np.stack([z + d, z - d], axis=1)
 
     def middles(self, x: Floats) -> Floats:
-        """Return the phases (k,) of centre lines for a mode x (n,), up to two more at each end."""
+        """Return the phases (k,), whole numbers, of centre lines on a mode x (n,), and up to two more at each end."""
         z = self.phases(x)
         return np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
 
@@ -77,7 +76,7 @@ class Stripes:
         d = self.half_width
         if d == 0:
             return np.empty(0)
-        if d >= 0.5:  # all is material: one level lies below all values
+        if d >= 0.5:  # everything is material, so a single level lies below all values
             return np.array([x.min() - 1.0 / self.frequency])
         k = self.middles(x)
         return (np.stack([k - d, k + d], axis=1).ravel() - self.phase) / self.frequency
@@ -89,5 +88,7 @@ def frequency_for(surface: Surface, x: Floats, spacing: float) -> float:
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), x[surface.F])
     lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))  # length (m) of all centre lines at frequency 1
     if not lines * spacing > 0:
-        raise PatternError("spacing must be a positive length in metres, and the eigenmode must not be constant")
+        raise PatternError(
+            "spacing must be a positive length in metres, and the mode of the stripes must not be constant"
+        )
     return surface.area / (spacing * lines)

@@ -1,4 +1,4 @@
-"""Rings and rays of stripes around small supported loops."""
+"""Stripes around small supported boundary loops: rings along the loop, and rays away from the loop."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -15,24 +15,25 @@ from dsfab.surface import Surface, geodesic_distances
 from dsfab.surface.fields import hat_gradients
 
 REACH = 1.5
-"""Distance from a small supported loop within which stripes form rings and rays, divided by the stripes' spacing."""
+"""Stripes form rings and rays up to this distance from a small supported boundary loop. Unit: the stripe spacing."""
 PULL = 100.0
-"""Weight of ring and ray directions at a small supported loop, above that of the stress; 0 at the distance `REACH`."""
+"""Weight of ring and ray directions at a small supported boundary loop; the stress has at most 1.
+The weight falls to 0 at the distance `REACH`."""
 
 
 def small_loops(surface: Surface, supported: Bools, spacing: float) -> list[Ints]:
-    """Return the vertices (k,) of each small supported boundary loop.
-    spacing : largest mean radius (m)."""
+    """Return the vertices (k,) of each fully supported boundary loop with a mean radius below `spacing`.
+    supported : mask (n,) of vertices.    spacing : distance between stripes, m."""
     loops = [loop for loop in surface.loops if supported[loop].all()]
     return [loop for loop in loops if polygon_perimeter(surface.V[loop]) < 2 * np.pi * spacing]
 
 
 @dataclass(frozen=True, eq=False)
 class LoopSurroundings:
-    """Surroundings of a small supported loop.
-    weight   : (n,) weight of rings and rays.
-    ray      : (n,) square of the unit direction of rays, complex.
-    outwards : (m, 3) unit direction away from the loop; 0 far away."""
+    """Directions of rings and rays around a small supported boundary loop.
+    weight   : (n,) weight of these directions.
+    ray      : (n,) e^2. The complex number e is the unit direction of the ray in the vertex's frame.
+    outwards : (m, 3) unit vector on each face, away from the loop; 0 far away."""
 
     weight: Floats
     ray: Complexes

@@ -1,4 +1,4 @@
-"""Makes stripes symmetric, by averages over the symmetric images of each point."""
+"""Symmetric stripes, from means over the symmetric images of each point."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class Images:
 
     @classmethod
     def identity(cls, n: int) -> Self:
-        """Return the images of n vertices without symmetry."""
+        """Return the images for a surface without symmetry: each of n vertices is the only image of itself."""
         return cls(np.eye(3)[None], (csr_array(eye_array(n)),))
 
     def mean(self, x: Floats) -> Floats:
@@ -35,12 +35,12 @@ class Images:
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
 
     def marked_in_any(self, marked: Bools) -> Bools:
-        """Return a mask (m,) of the marked faces and, if vertices map to vertices, of their symmetric images."""
+        """Return a mask (m,) of the marked faces and, if the mesh is symmetric, of their symmetric images."""
         exact = all(T.nnz == T.shape[0] for T in self.maps)
         return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked
 
     def directions(self, frames: Frames, along: Floats) -> Floats:
-        """Return symmetric unit tangents (n, 3), up to sign, nearest to the tangents `along`."""
+        """Return the symmetric unit tangents (n, 3) nearest to the tangents `along` (n, 3). Signs have no meaning."""
         if len(self.maps) == 1:
             return along
         n = len(along)
@@ -54,8 +54,8 @@ class Images:
         return frames.direction(np.arctan2(2 * xy, xx - yy) / 2)
 
     def projection(self, V: Floats, g: Floats, density: Floats) -> Projection:
-        """Return a function that makes complex phases symmetric.
-        The phases have the gradient `density` (n,) x g (n, 3) at the vertices V (n, 3)."""
+        """Return a function that makes complex phases (n,) symmetric.
+        The gradient of the phases at the vertices V (n, 3) is `density` (n,) x g (n, 3)."""
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g
@@ -66,7 +66,8 @@ class Images:
 
     @staticmethod
     def _phase_map(R: Floats, T: csr_array, V: Floats, growth: Floats) -> tuple[csr_array, csr_array]:
-        """Return matrices A, B: values x at V become A x + B conj(x) at the images."""
+        """Return matrices A, B (n, n): A x + B conj(x) are the complex phases x (n,) at the images of the vertices V.
+        growth : (n, 3) gradient of the phase."""
         column = T.indices
         row = np.repeat(np.arange(T.shape[0]), np.diff(T.indptr))
         growth_there, growth_here = growth[row] @ R.T, growth[column]

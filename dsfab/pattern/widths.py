@@ -18,11 +18,11 @@ Rule = Literal["plain", "constant", "graded", "stressed"]
 SOLID = 0.5  # Half width, in periods, at which neighbouring stripes touch.
 ROUNDS = (2, 60)  # Smallest and largest number of rounds of averaging in `spread_means`.
 JUMP = 5e-3
-"""Largest accepted error of the share of material if the share jumps because loose ends appear or vanish."""
+"""Largest accepted error of the fraction of material if it jumps because loose ends of members appear or vanish."""
 
 
 class ShareJumpError(PatternError):
-    """The share of material jumps past the target."""
+    """No width gives the requested fraction of material, because the fraction jumps."""
 
 
 @dataclass(frozen=True)
@@ -50,27 +50,27 @@ class Widths:
             raise PatternError(f"the width rule {self.rule!r} must be plain, constant, graded or stressed")
         for name in ("member", "min_width", "max_width", "min_gap"):
             if not 0 <= getattr(self, name) < np.inf:
-                raise PatternError(f"{name} = {getattr(self, name)} must be a length in metres, or 0 for none")
+                raise PatternError(f"{name} = {getattr(self, name)} must be a length in metres, or 0 for no limit")
         if not 0 <= self.q <= 4:
             raise PatternError(f"q = {self.q} must lie between 0 (no grading) and 4")
         if self.rule == "constant" and not self.member:
-            raise PatternError("the width rule 'constant' needs the key member: the width of the members in metres")
+            raise PatternError("the width rule 'constant' needs the key member, the width of the members in metres")
         if 0 < self.max_width < self.min_width:
             raise PatternError(f"min_width = {self.min_width} m is more than max_width = {self.max_width} m")
 
     @property
     def radius(self) -> float:
-        """Radius (m) of the disc over which slopes are averaged."""
+        """Radius (m) of the disc around a vertex over which the slope of the phase is averaged."""
         return self.member / 2 if self.rule == "constant" else 0.0
 
     @property
     def follow_stress(self) -> bool:
-        """True if widths follow the stress."""
+        """True if the rule makes stripes wider where the stress or energy is larger."""
         return self.rule in ("graded", "stressed")
 
     @property
     def vary(self) -> bool:
-        """True if the half width may vary."""
+        """True if the half width may vary over the surface."""
         return self.rule != "plain" or max(self.min_width, self.max_width, self.min_gap) > 0
 
     def grading(self, stress: Floats) -> Floats:
@@ -96,7 +96,7 @@ def vertex_means(surface: Surface, x: Floats) -> Floats:
 
 def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
     """Return the mean of |grad z| around each vertex (n,), periods per metre.
-    z : (n,) phase.    radius : of the disc for the mean, m."""
+    z : (n,) phase.    radius : radius of the disc for the mean, m."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
     return spread_means(surface, np.linalg.norm(gradient, axis=1), radius)
 
@@ -137,8 +137,7 @@ def solved_factor(
     steepest: float = 40,
 ) -> float:
     """Return the factor at which the increasing function share(factor) is `target` [Dowell, Jarratt 1971].
-    slope    : approximate derivative of `share`, or 0.
-    jump     : accepted error at a jump of `share`.
+    slope    : approximate derivative of `share`, or 0 if unknown.    jump : accepted error at a jump of `share`.
     steepest : largest growth of `share` per relative change of the factor.
     Raises PatternError if no factor exists, and ShareJumpError at a jump."""
 
@@ -150,7 +149,7 @@ def solved_factor(
         evaluate, target, tolerance
     )
     best_end, kept_side = min(low, high, key=_miss), 0
-    for _ in range(30):  # far more steps than needed, unless share(factor) jumps past `target`
+    for _ in range(30):  # 30 steps are enough, unless share(factor) jumps past `target`
         if _miss(best_end) <= tolerance:
             return best_end[0]
         if high[0] - low[0] < tolerance / steepest * high[0]:
@@ -165,8 +164,8 @@ def solved_factor(
     if _miss(best_end) <= jump:
         return best_end[0]
     raise ShareJumpError(
-        f"the share of material jumps past {target:.1%} of the surface (nearest: {best_end[1] + target:.2%}); "
-        "change the phase or the frequency a little"
+        f"the share of material cannot be {target:.1%} of the surface, because this share jumps (nearest possible: "
+        f"{best_end[1] + target:.2%}); change the phase or the frequency a little"
     )
 
 
@@ -206,17 +205,18 @@ def _miss(end: _End) -> float:
 
 def _unreachable_error(target: float, reach: str) -> PatternError:
     return PatternError(
-        f"the pattern cannot keep {target:.1%} of the surface: {reach} remain with these widths, thresholds and regions"
+        f"the pattern cannot keep {target:.1%} of the surface: {reach} remain material with these widths, thresholds "
+        f"and regions"
     )
 
 
 def evened_grading(
     surface: Surface, grading: Floats, work: Floats, material: Floats, spacing: float, limit: float = 2.0
 ) -> Floats:
-    """Return the next relative half widths (n, k) of k families, for a more even energy.
-    grading  : (n, k) the last widths.
-    work     : (m, k) energy, joules, in each face.    material : (m, k) area, m2.
-    spacing  : metres from stripe to stripe.    limit : largest factor of a change."""
+    """Return changed relative half widths (n, k) of k families, for a more even energy per area of material.
+    grading  : (n, k) present relative half widths.    limit : largest factor of a change.
+    work     : (m, k) elastic energy of each family in each face, J.    material : (m, k) area of material, m2.
+    spacing  : distance between stripes, metres."""
     densities = np.concatenate([work, material], axis=1) / surface.areas[:, None]
     mean_work, share = np.split(spread_means(surface, densities, 0.4 * spacing), 2, axis=1)
     has_material = (share > 1e-9) & (mean_work > 0)

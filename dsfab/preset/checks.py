@@ -98,7 +98,7 @@ def _known_beside(loc: tuple[int | str, ...], model: Any) -> list[str]:
             model = field.annotation
     if dataclasses.is_dataclass(model):
         return [field.name for field in dataclasses.fields(model)]
-    return list(getattr(model, "model_fields", ()))  # a table whose kind is unknown has no keys
+    return list(getattr(model, "model_fields", ()))  # a table of unknown kind has no known keys
 
 
 def _by_stated_tag(union: Any) -> dict[str, Any]:
@@ -113,7 +113,7 @@ def combines(loads: Sequence[Load], follow: str | None) -> bool:
 def follow_weights(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return the weights of the cases or combinations whose stress the pattern follows, by name."""
+    """Return, by name, the weight of each case or combination with a stress that the pattern follows."""
     cases = case_names(loads)
     if not combines(loads, follow):
         return dict.fromkeys([follow or cases[0]] if follow or cases else [], 1.0)
@@ -121,7 +121,7 @@ def follow_weights(
 
 
 def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) -> list[str]:
-    """Return the names of cases or combinations whose stresses are added for a combined pattern."""
+    """Return the names of all cases or combinations with a stress that is added for a combined pattern."""
     strong = [combination.name for combination in combinations if combination.limit_state != "SLS"]
     return strong or [combination.name for combination in combinations] or list(cases)
 
@@ -139,7 +139,7 @@ def judged_names(names: Iterable[str], combinations: Sequence[Combination], stat
 def case_mistakes(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> Iterator[str]:
-    """Yield an error message for each mistake in names of cases."""
+    """Yield an error message for each wrong name of a case or combination, and for each wrong weight."""
     cases = case_names(loads)
     if COMBINED in cases:
         yield f"surface.load.{[load.case for load in loads].index(COMBINED)}.case = '{COMBINED}': {_RESERVED}"
@@ -155,9 +155,12 @@ def case_mistakes(
         elif weight < 0:
             yield f"diffusion.weights.{name} = {weight:g}: a weight must be 0 or more"
     if weights and not combines(loads, follow):
-        yield f"diffusion.weights: weights need diffusion.follow = '{COMBINED}'; set follow, or remove the weights"
+        (
+            yield f"diffusion.weights: weights have an effect only with diffusion.follow = '{COMBINED}'; set "
+            f"diffusion.follow, or remove the weights"
+        )
     elif allowed and not any(weights.get(name, 1.0) for name in allowed):
-        yield f"diffusion.weights: all weights are 0; give one of {', '.join(allowed)} a larger weight"
+        yield f"diffusion.weights: all weights are 0; give a larger weight to one of {', '.join(allowed)}"
 
 
 def _combination_mistakes(cases: Sequence[str], combinations: Sequence[Combination]) -> Iterator[str]:
@@ -189,7 +192,7 @@ SOFTEST, LIGHTEST, WEAKEST = 1e6, 10.0, 1e3
 
 
 def with_material(values: Any) -> Any:
-    """Return the table [statics], with its material's values for the missing keys."""
+    """Return the table [statics]. Missing keys get the values of the material that the table names."""
     name = values.get("material") if isinstance(values, Mapping) else None
     if not isinstance(name, str):
         return values

@@ -19,13 +19,13 @@ from dsfab.preset.model import Preset
 from dsfab.preset.surface_section import FileSurface, MeshSurface, OwnSurface, SurfaceSection, missing_preset
 
 _LIST = re.compile(r"""\[\n((?: +(?:[^\s\[\]{},"]+|"(?:[^"\\\n]|\\.)*"),\n)+) *\]""")
-"""Pattern of a list of numbers and words with one item per line."""
+"""Regular expression for a TOML list of numbers and words with one item per line."""
 
 
 def load_preset(
     name_or_path: str | Path, overrides: Mapping[str, Any] | None = None, mesh: str | Path | None = None
 ) -> Preset:
-    """Return a preset by the name of a shipped preset ("dome"), by its TOML file, or by a folder of `dsfab build`.
+    """Return the preset in a TOML file or a folder of `dsfab build`, or the shipped preset with a name such as "dome".
     overrides : new values by dotted key, e.g. {"pattern.major.frequency": 12}.
     mesh      : mesh file that replaces the preset's surface. The supports and loads do not change.
     Raises PresetError for files that cannot be read, unknown keys, wrong types and impossible values."""
@@ -88,8 +88,8 @@ def require_mesh(preset: Preset) -> None:
 
 def preset_toml(preset: Preset, for_people: bool = False) -> str:
     """Return the complete preset with all defaults as TOML, which builds the same design again.
-    A material is written as its name. Its values are written only if the preset changes them.
-    for_people : True to write, in place of a mesh from Python, only its numbers of vertices and triangles."""
+    A material is written as its name. The material's values are written only if the preset changes these values.
+    for_people : True to write only the numbers of vertices and triangles in place of a mesh from Python."""
     values = preset.model_dump(mode="json", exclude_none=True)
     if for_people and isinstance(mesh_section := preset.surface, MeshSurface):
         values["surface"]["mesh"] = f"Python mesh: {mesh_section.mesh.n} vertices, {mesh_section.mesh.m} triangles"
@@ -173,7 +173,7 @@ def _override(values: dict[str, Any], key: str, value: Any) -> None:
     elif isinstance(where, dict):
         where[name] = value
     else:
-        raise PresetError(f"--set {key}: {'.'.join(parents)} is a value, not a section; check the key")
+        raise PresetError(f"--set {key}: {'.'.join(parents)} holds a value and is not a section; check the key")
 
 
 def _child(where: Any, part: str, key: str) -> Any:
@@ -181,10 +181,12 @@ def _child(where: Any, part: str, key: str) -> Any:
         return where[_index(where, part, key)]
     if isinstance(where, dict):
         return where.setdefault(part, {})
-    raise PresetError(f"--set {key}: the key before {part!r} is a value, not a section; check the key")
+    raise PresetError(f"--set {key}: the key before {part!r} holds a value and is not a section; check the key")
 
 
 def _index(where: list[Any], part: str, key: str) -> int:
     if not (part.isdigit() and int(part) < len(where)):
-        raise PresetError(f"--set {key}: {part!r} is not the number of an entry; use 0 to {len(where) - 1}")
+        raise PresetError(
+            f"--set {key}: {part!r} is not the number of an entry in this list; use 0 to {len(where) - 1}"
+        )
     return int(part)

@@ -62,7 +62,7 @@ class Statics(Section):
     """[statics]: the sheet's material, thickness and elements."""
 
     thickness: Annotated[float, Gt(0), WrapValidator(thickness_or_auto), PlainSerializer(auto_or_metres)]
-    """Thickness of the sheet and of the solid, metres. auto: the thinnest that meets the targets of [sizing]."""
+    """Thickness of the sheet and of the solid, metres. auto: the smallest that meets the targets of [sizing]."""
     material: Annotated[str | None, AfterValidator(known_name)] = None
     """S235, GL24h, ... (see `dsfab materials`): gives default values of young, poisson, density and strength."""
     young: Annotated[float, Gt(0), AfterValidator(modulus)] = 210e9
@@ -75,7 +75,8 @@ class Statics(Section):
     membrane: Membrane = "constant"
     """Membrane elements: constant strain (Madan et al.); quadratic or hybrid: slower, accurate in slender parts."""
     bending: Bending = "hinge"
-    """hinge: for directions of the pattern (Madan et al.). midedge: converges to plate theory. hhj: most accurate."""
+    """Bending elements. hinge: for directions of the pattern (Madan et al.). midedge: converges to plate theory. hhj:
+    most accurate."""
     stress: Literal["membrane", "layers", "auto"] = "membrane"
     """Stress that the pattern follows. membrane: stress in the middle of the thickness (Madan et al.); for a flat sheet
     that only bends, stress at its lower side. layers: stress of the whole thickness, with bending. auto: layers if
@@ -87,7 +88,7 @@ class Statics(Section):
     buckling: Annotated[int, Ge(0), Le(10)] = 0
     """Number of buckling factors of the uncut sheet to compute."""
     snow_mass: Annotated[float, Ge(0), Le(1)] = 0.0
-    """Share of the snow that vibrates with the sheet, such as psi_2 of EN 1990; permanent loads always do."""
+    """Share of the snow that vibrates with the sheet, such as psi_2 of EN 1990. Permanent loads always vibrate."""
     check: bool = True
     """Refuse a sheet that moves by over a tenth of its span or stands on one vertex. Also refuse a support or load far
     from the surface. false: only report these faults."""
@@ -149,11 +150,11 @@ class Diffusion(Section):
     """[diffusion]: anisotropic diffusion that follows the stress, and its eigenmodes."""
 
     r: Annotated[float, Ge(1), Le(1e4)] = 100.0
-    """Anisotropy ratio: with 1 the modes ignore the stress, with 10 to 100 they follow it."""
+    """Anisotropy ratio. With 1, the modes ignore the stress; with 10 to 100, the modes follow the stress."""
     gamma: Annotated[float, Gt(0)] = 1.0
-    """Factor on the loads (force magnitude in the paper by Madan et al.); it only decides which faces are isotropic."""
+    """Factor on the loads (force magnitude of Madan et al.). Only the choice of isotropic faces uses it."""
     labelling: Labelling = "signed"
-    """Stress that major stripes follow. signed: the more tensile; magnitude: the larger in size (Madan et al.)."""
+    """Principal stress that major stripes follow. signed: the more tensile. magnitude: larger size (Madan et al.)."""
     isotropy: Annotated[float, Ge(0), Lt(1)] = ISOTROPY
     """A face is isotropic if its principal stresses differ by at most this fraction of their root mean square."""
     modes: Annotated[int, Ge(1), Le(50)] = 5
@@ -204,7 +205,7 @@ class Family(Section):
     """[pattern.major] or [pattern.minor]: one family of stripes."""
 
     mode: Mode = 1
-    """Number of the eigenmode; mode 1 is the first that is not constant. auto: the stiffest of the first four."""
+    """Number of the eigenmode; mode 1 is the first that is not constant. auto: mode of the stiffest design, 1 to 4."""
     frequency: Annotated[float, Ge(0), Le(1000)] = 8.0
     """Stripes per unit of the eigenmode's values. On a surface, these values span 0.5 to 3 units.
     0: `spacing` is used instead. Evenly spaced stripes have no frequency."""
@@ -212,7 +213,7 @@ class Family(Section):
     """Mean distance (m) between the centre lines of stripes. 0: `frequency` is used instead. Default of evenly spaced
     stripes: a twelfth of the root of the surface's area, but at least the mean edge length of the mesh."""
     phase: Phase = 0.0
-    """Shift of the stripes, in periods. auto: the stiffest of several phases."""
+    """Shift of the stripes, in periods. auto: the phase, out of several, that gives the stiffest design."""
     threshold: Annotated[float, Ge(-1), Le(1)] = 0.0
     """Stripes lie where a triangle wave is above this height: with -1 all is material, with 0 half, with 1 nothing."""
 
@@ -224,11 +225,11 @@ class Family(Section):
             if spacing and "frequency" not in values:
                 return {**values, "frequency": 0.0}
             if spacing == _is_nonzero(values.get("frequency", True)):
-                raise ValueError("give either frequency or spacing, and leave the other out or set it to 0")
+                raise ValueError("give either frequency or spacing; leave the other key out or set that key to 0")
         return values
 
     def distance(self, area: float, edge: float) -> float:
-        """Return the spacing (m) of evenly spaced stripes. area : of the surface, m2.    edge : mean edge (m)."""
+        """Return the spacing (m) of evenly spaced stripes. area : of the surface, m2.    edge : mean edge, m."""
         return self.spacing or max(float(np.sqrt(area)) / STRIPES_ACROSS, edge)
 
     @property
@@ -256,11 +257,11 @@ class Width(Section):
     member: Annotated[float, Ge(0)] = 0.0
     """Width of the members if rule is constant, metres. 0: solid_fraction gives the width."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
-    """Exponent: the share of material grows with this power of the stress. For rule stressed: the start value."""
+    """Exponent: the share of material grows with this power of the stress. For rule stressed: only at the start."""
     steps: Annotated[int, Ge(1), Le(50)] = 8
     """Number of trials for the rule stressed. Each trial cuts and solves the sheet."""
     min_width: LeastWidth = AUTO
-    """Smallest width of members, metres. 0: no limit. auto: a limit for evenly spaced members only. It is the thickness
+    """Smallest width of members, metres. 0: no limit. auto: a limit for evenly spaced members only: the thickness
     for the rule graded, and half of the thickness for the rule stressed if pattern.workshop is true. The limit is at
     most half of the width that members would have if all were equally wide."""
     max_width: Annotated[float, Ge(0)] = 0.0
@@ -268,7 +269,7 @@ class Width(Section):
     min_gap: Annotated[float, Ge(0)] = 0.0
     """Smallest gap between two stripes of a family, metres; narrower gaps become material. 0: no limit."""
     solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
-    """Share of the surface that is material, including keep and rim. Widths are scaled to reach it. 0: not scaled."""
+    """Share of the surface that is material, including keep and rim. Widths are scaled to this share. 0: no scaling."""
     solid_fraction_tolerance: Annotated[float, Ge(0), Le(0.1)] = JUMP
     """Largest error of solid_fraction if no width gives this share, because ends of members appear or vanish."""
 
@@ -303,7 +304,7 @@ def _with_curves(thing: Any) -> Any:
 Method = Literal["modes", "stripes", "auto"]
 FAMILIES = ("major", "minor")  # Names of the families of stripes.
 FILLET = 0.55
-"""Smallest radius of round corners, divided by the thickness. It is over 0.5 as a margin: corners are polygons."""
+"""Smallest radius of round corners, divided by the thickness. The value is over 0.5 because corners are polygons."""
 STRIPES_ACROSS = 12  # Default number of evenly spaced stripes across a square surface.
 
 
@@ -316,22 +317,22 @@ class Pattern(Section):
     constant or graded and a solid_fraction, auto tries four widths: constant, graded, graded with half of width.q, and
     stressed. If the preset sets no spacing, auto compares several spacings."""
     halve: bool = True
-    """For stripes. true: where stripes are too close, every second one ends on a crossing member. false: none does."""
+    """For stripes. true: where stripes are too close, every second stripe ends on a crossing member. false: none."""
     families: Literal["both", "major", "minor"] = "both"
     """Families of stripes. One family has no crossings: the key halve has no effect; only keep and rim join members."""
     symmetry: Literal["auto", "none"] = "auto"
-    """For stripes: symmetry. auto: that of surface, supports and loads. none: the pattern may be asymmetric."""
+    """For stripes: symmetry. auto: as surface, supports and loads. none: the pattern may be asymmetric."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
-    """For stripes: rotation (degrees) of both families from the principal directions of the stress. It is
-    counter-clockwise, seen from the side of the normals or from outside a closed surface. 90 swaps major and minor."""
+    """For stripes: rotation (degrees) of both families from the principal directions of the stress,
+    counter-clockwise seen from the side of the normals or from outside a closed surface. 90 swaps major and minor."""
     forces: Literal["uncut", "optimal"] = "uncut"
     """For stripes: forces that set directions and graded widths. uncut: forces in the uncut sheet. optimal: forces in
     the stiffest sheet of varying thickness with the same material (solid_fraction), for stiffer flat designs."""
     weight_rounds: Annotated[int, Ge(0), Le(2)] = 0
-    """For stripes: number of times that the directions are computed again with only the weight of the stripes. This is
-    for designs whose weight is most of the load. 0: the weight is that of the uncut sheet."""
+    """For stripes: number of times that the directions are computed again with only the weight of the stripes. This
+    helps if weight is most of the load. 0: the weight is that of the uncut sheet."""
     guide: tuple[Guide, ...] = ()
-    """For stripes: curves and regions that set their direction."""
+    """For stripes: curves and regions that set the direction of the stripes."""
     region: tuple[PatternRegion, ...] = ()
     """Parts of the surface that are solid or void, or have a solid band inside their edge: doors, oculi, bands."""
     major: Family = Family()
@@ -371,7 +372,9 @@ class Pattern(Section):
             raise ValueError("forces = 'optimal' needs the share of material to keep: set width.solid_fraction")
         for name, idle in (("guide", ()), ("rotate", 0.0), ("forces", "uncut")):
             if self.method == "modes" and getattr(self, name) != idle:
-                raise ValueError(f"{name} has no effect on method = 'modes'; remove it, or set method = 'stripes'")
+                raise ValueError(
+                    f"{name} has no effect on method = 'modes'; remove this key, or set method = 'stripes'"
+                )
         for k, guide in enumerate(self.guide):
             if guide.member and guide.family not in self.family_names:
                 raise ValueError(
@@ -387,7 +390,7 @@ class Pattern(Section):
 
     @property
     def drawn_regions(self) -> int:
-        """Number of solid regions and bands. They are the first layers of the pattern, one layer each."""
+        """Number of regions that are solid or have a solid band. The pattern begins with a layer for each region."""
         return len(self.region) - len(self.voids)
 
     @property
@@ -397,7 +400,7 @@ class Pattern(Section):
 
     @property
     def is_steered(self) -> bool:
-        """True if guides or a rotation change the direction of stripes from that of the stress."""
+        """True if guides or a rotation turn the stripes away from the directions of the stress."""
         return bool(self.rotate or self.guide)
 
     @property
@@ -420,7 +423,7 @@ class Pattern(Section):
 
     @property
     def for_workshop(self) -> bool:
-        """True if narrow members and openings are changed to the workshop's limits."""
+        """True if narrow members are widened and narrow openings are closed, by the limits of the workshop."""
         return self.method == "stripes" and self.width.rule != "stressed" if self.workshop is None else self.workshop
 
     @property
@@ -435,7 +438,7 @@ class Slicing(Section):
     snap: Annotated[float, Ge(0), Le(0.3)] = 0.05
     """A cut nearer to a vertex than this fraction of an edge goes through the vertex, to avoid thin triangles."""
     pinch: Literal["join", "split"] = "join"
-    """Treatment of places where material would only touch at a point. join: add a small disc. split: separate it."""
+    """Treatment of places where material touches only at a point. join: add a small disc. split: separate the parts."""
     min_opening: Annotated[float, Ge(0)] | None = None
     """Smallest size of openings, metres; smaller openings are filled. 0: none are filled. Default for stripes on
     eigenmodes: 0. Default for evenly spaced stripes: 15 % of their spacing, but not over the thickness if pattern.tidy
@@ -450,9 +453,9 @@ class Slicing(Section):
     improve: bool = False
     """Improve the triangles of the cut mesh by flipping and removing edges, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
-    """Largest distance (m) by which `improve` may move the edges of stripes. 0: they stay in place."""
+    """Largest distance (m) by which `improve` may move the edges of stripes. 0: the edges stay in place."""
     loose: Literal["drop", "keep", "refuse"] = "drop"
-    """Treatment of pieces without a support. drop: leave them out. keep: keep them. refuse: stop with an error."""
+    """Treatment of pieces without a support. drop: leave pieces out. keep: keep pieces. refuse: stop with an error."""
 
 
 class Thickening(Section):
@@ -461,9 +464,10 @@ class Thickening(Section):
     thinnest: Annotated[float, Gt(0), Le(1)] = 0.25
     """Refuse a solid that would have less than this share of its thickness where the surface is sharply curved."""
     side: Side = "mid"
-    """Side of the surface on which the solid lies. mid: both. out: side of normals, outside if closed. in: opposite."""
+    """Side of the surface on which the solid lies. mid: half on each side. out: side of the normals, or outside of a
+    closed surface. in: opposite side."""
     strict: bool = False
-    """Refuse a solid whose faces still intersect after all repairs. false: only report the place."""
+    """Refuse a solid with faces that intersect after all repairs. false: only report the place."""
     extra: tuple[Annotated[Extra, Field(discriminator="kind")], ...] = ()
     """Changes of the solid, applied in the order of the list: kinds feet, ring, holes, trim and split."""
 
@@ -507,7 +511,7 @@ class Export(Section):
     possible of planar; members (up to 7000 faces); smooth (if fast and OCCT can cut it); faceted (up to step_faces);
     smooth. quick: like auto, but dsfab tries members only for open surfaces, tests no cut, and tries smooth once."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
-    """Largest error (m) of planar, smooth or simplified STEP. 0: a fraction of the thickness. Faceted STEP is exact."""
+    """Largest error (m) of planar, smooth or simplified STEP files. 0: a fraction of the thickness. faceted: exact."""
     step_mb: Annotated[float, Ge(0)] = 0.0
     """Largest size of a STEP file in MB; 0: no limit."""
 
@@ -551,7 +555,7 @@ class Preset(Section):
         surface  : a mesh of trimesh, pyvista or compas, in metres; a `Surface`; (V, F): vertices (n, 3), metres, and
                    faces; the path of a mesh file; a section of another preset; or keys as in TOML, such as
                    {"mesh": mesh, "refine": 0.2}. For other units, use `Surface.of(mesh, "mm")`.
-        supports, loads, combinations : objects (`dsfab.Support(...)`) or tables; they replace those in `surface`.
+        supports, loads, combinations : objects (`dsfab.Support(...)`) or tables; these replace the lists in `surface`.
         sections : name, description, statics, diffusion, pattern ..., each as an object or as its keys.
         Raises PresetError that lists every mistake with its key in TOML, and SurfaceError for an invalid mesh."""
         surface_lists = {"support": supports, "load": loads, "combination": combinations}
@@ -587,7 +591,7 @@ class Preset(Section):
             void = region_key(self.pattern.region, self.pattern.voids[0])
             raise ValueError(
                 f"{', '.join(counted)}: pick = 'vertices' needs all vertices of the mesh, but the void {void} removes "
-                "some; use pick = 'nearest'"
+                f"some of these vertices; use pick = 'nearest'"
             )
         return self
 
@@ -646,8 +650,8 @@ class Preset(Section):
         return self.model_copy(update=changes) if changes else self
 
     def first_difference(self, other: "Preset") -> str | None:
-        """Return the first stage whose section differs between two presets, or None. It is "surface" also if regions
-        have different outlines, or if [statics] differs and the mesh depends on the stress."""
+        """Return the first stage with different settings in two presets, or None for equal presets. The result is also
+        "surface" if regions have different outlines, or if [statics] differs and the mesh depends on the stress."""
         if self.surface.by_stress and self.statics != other.statics:
             return "surface"
         regions = self.pattern.region, other.pattern.region

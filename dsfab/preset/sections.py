@@ -20,9 +20,9 @@ class Sizing(Section):
     buckling: Annotated[float, Ge(0)] = 4.0
     """Smallest buckling factor. Real shells buckle below the computed factor. 0: no target."""
     thicknesses: tuple[Annotated[float, Gt(0), Le(10)], ...] = ()
-    """Thicknesses to choose from, metres. Default: those in which the material is sold or made."""
+    """Thicknesses to choose from, metres. Default: the thicknesses in which the material is sold or made."""
     first: Annotated[float, Ge(0), Le(10)] = 0.0
-    """First guess, metres: sizing tries a third to six times this thickness. 0: dsfab guesses from the size."""
+    """First guess of the thickness, metres: sizing tries a third to six times this. 0: dsfab guesses from the size."""
 
 
 Route = Literal["auto", "strips", "planks", "bars", "sheet", "panels"]
@@ -30,7 +30,7 @@ StockSize = tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)]]
 
 
 class Workshop(Section):
-    """[workshop]: flat parts for `dsfab workshop`. It does not change the design."""
+    """[workshop]: flat parts for `dsfab workshop`. These keys do not change the design."""
 
     route: Route = "auto"
     """strips: members lie flat in the surface, in bolted layers. planks: members stand upright on the surface, with
@@ -57,7 +57,7 @@ class Workshop(Section):
     gap: Annotated[float, Ge(0)] = 0.008
     """Distance (m) between parts on the stock, and from the edge of the stock: space for the cutting tool."""
     grain: bool = False
-    """True if the sheets have a grain along their length; then members lie along it, never across."""
+    """True if the sheets have a grain along their length. Members then lie along the grain."""
     nesting: Literal["stacked", "spyrrow"] = "stacked"
     """stacked: parts are stacked on sheets. spyrrow: after stacking, a solver tries to clear the emptiest sheet. The
     solver takes minutes and needs: pip install "dsfab[nesting]"."""
@@ -86,7 +86,7 @@ class Workshop(Section):
     @classmethod
     def _check_stock(cls, stock: tuple[StockSize, ...]) -> tuple[StockSize, ...]:
         if not stock:
-            raise ValueError("stock is empty; give length and width of a sheet in metres, such as [2.5, 1.25]")
+            raise ValueError("stock is an empty list; give length and width of a sheet in metres, such as [2.5, 1.25]")
         return tuple((max(size), min(size)) for size in stock)
 
     @model_validator(mode="after")
@@ -94,7 +94,8 @@ class Workshop(Section):
         if self.prices and len(self.prices) != len(self.stock):
             sizes = f"{len(self.stock)} size{'' if len(self.stock) == 1 else 's'}"
             raise ValueError(
-                f"prices has {len(self.prices)} entries, but stock has {sizes}; give one price for each size, or none"
+                f"prices has {len(self.prices)} entries, but stock has {sizes}; give a price for each size of sheet, "
+                f"or no prices"
             )
         return self
 
@@ -103,7 +104,7 @@ Duration = Literal["permanent", "long", "medium", "short", "instantaneous"]
 
 
 class Eurocode(Section):
-    """[eurocode]: checks of members by EN 1993-1-1 (steel) or EN 1995-1-1 (timber); they do not change the design."""
+    """[eurocode]: checks of members by EN 1993-1-1 (steel) or EN 1995-1-1 (timber), without change of the design."""
 
     service_class: Literal[1, 2, 3] = 2
     """Timber: 1 heated rooms, 2 under a roof, 3 in the open."""
@@ -122,7 +123,7 @@ class Eurocode(Section):
     """Buckling length, divided by the distance between nodes along the member."""
     bent_in: bool = False
     """Timber: members consist of straight layers that are bent into shape; the check adds the stress of this bending.
-    Layer thickness: that in [workshop], or the thickness in [statics] divided by `workshop.layers`."""
+    Layer thickness: the value in [workshop], or the thickness in [statics] divided by `workshop.layers`."""
 
     def case_mistakes(self, loads: Sequence[Load]) -> Iterator[str]:
         """Yield an error message for each case in `duration` without a load."""

@@ -73,7 +73,7 @@ class SurfaceSection(Section):
     combination: tuple[Combination, ...] = ()
     """Combinations: sums of load cases, each multiplied by its factor."""
     combinations: CombinationRule | None = None
-    """Standard by which dsfab adds combinations to those in `combination`."""
+    """Standard by which dsfab creates further load combinations, besides `combination`."""
     actions: dict[CaseName, ActionKind] = {}
     """Kind of action of each case for the standard, by name of the case; not needed for weight, snow and wind."""
     factors: DesignFactors | None = None
@@ -128,9 +128,11 @@ class OwnSurface(SurfaceSection):
         if self.finest and not self.edge:
             raise ValueError("finest needs the key edge (the edge length of flat places); give both keys")
         if self.finest_at != "curvature" and not self.finest:
-            raise ValueError(f"finest_at = {self.finest_at!r} needs finest, the shortest edge length; give both")
+            raise ValueError(
+                f"finest_at = {self.finest_at!r} needs the key finest, the shortest edge length; give both keys"
+            )
         if self.finest > self.edge:
-            raise ValueError(f"finest = {self.finest:g} must not be longer than edge = {self.edge:g}")
+            raise ValueError(f"finest = {self.finest:g} must not be larger than edge = {self.edge:g}")
         return self
 
     @property
@@ -203,7 +205,7 @@ def _mesh_from(value: Any) -> Surface:
         n, m = np.frombuffer(data, "<i8", 2)
         V, F = np.frombuffer(data, "<f8", 3 * n, 16), np.frombuffer(data, "<i8", 3 * m, 16 + 24 * n)
     except (ValueError, zlib.error):
-        raise ValueError("dsfab cannot read this text as a mesh; give surface.file instead") from None
+        raise ValueError("dsfab cannot read the text of this mesh; give surface.file instead") from None
     return normalized_surface(Surface(V.reshape(-1, 3), F.reshape(-1, 3)))
 
 
@@ -267,7 +269,7 @@ else:
 
 
 def plain(value: Any) -> Any:
-    """Return objects, such as supports and loads, as tables, which are then checked like tables of a preset file."""
+    """Return a value in which tables, as in a preset file, replace all objects such as supports and loads."""
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
@@ -280,8 +282,7 @@ def plain(value: Any) -> Any:
 def surface_table(surface: Any, lists: Mapping[str, Any]) -> Any:
     """Return the argument `surface` of `Preset` as a table.
     surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F): vertices (n, 3),
-              metres, and faces (m, 3).
-    lists   : supports, loads and combinations to add to the table.
+              metres, and faces (m, 3).    lists : supports, loads and combinations to add to the table.
     Raises SurfaceError for an invalid mesh."""
     if isinstance(surface, str | Path):
         surface = {"file": Path(surface).absolute()}
@@ -302,9 +303,9 @@ EXAMPLE = (
 
 
 def missing_preset(thing: Any) -> str:
-    """Return an error message for an object that is not a preset. It names the call that turns it into a preset."""
+    """Return an error message for an object that is not a preset. The message names the call that makes a preset."""
     if isinstance(thing, str | Path) and Path(thing).suffix in ("", ".toml"):
-        return f"{str(thing)!r} is the name of a preset only; write dsfab.run(dsfab.load_preset({str(thing)!r}))"
+        return f"{str(thing)!r} is only the name of a preset; write dsfab.run(dsfab.load_preset({str(thing)!r}))"
     names: dict[type, str] = {str: repr(thing), tuple: "(V, F)", list: "[V, F]"}
     name = names.get(type(thing), f"a mesh of type {type(thing).__name__}")
     return (

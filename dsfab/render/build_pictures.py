@@ -38,7 +38,7 @@ ANALYSIS_LOOK = Look((800, 760))  # default style of each half of analysis.png
 SMALLEST_BUILDING = 2.5  # below this size (m), a pencil shows the scale instead of a person
 MAIN_SHARE, WORDS_SHARE = 0.66, 0.06  # heights of main view and caption, divided by the picture's height
 MAIN_LIGHT, PANEL_LIGHT = LightQuality(8, 24, 6), LightQuality(2, 4, 1, 320, 192, (0.012, 0.05))
-"""Light of the main view, and of smaller views."""
+"""Quality of the light in the main view, and in the smaller views."""
 LETTERS = 0.68  # size of letters, divided by the default size
 PANEL_SHARE = 0.84  # largest width and height of a plan or elevation / size of its panel
 WALL_VIEW = "24,9"  # azimuth and elevation (degrees) of the view of a standing plate
@@ -47,8 +47,7 @@ WALL_VIEW = "24,9"  # azimuth and elevation (degrees) of the view of a standing 
 @dataclass(frozen=True, eq=False)
 class ClientPicture:
     """Data of the picture preview.png.
-    V, F    : solid, (n, 3) vertices, m, and (m, 3) faces, outward oriented.
-    half    : half of the sheet's thickness, m.
+    V, F    : solid, (n, 3) vertices, m, and (m, 3) faces, outward oriented.    half : half of the sheet's thickness, m.
     surface, load : uncut surface, and its loads and supports."""
 
     V: Floats
@@ -72,8 +71,7 @@ class ClientPicture:
 
     @cached_property
     def stage(self) -> Stage:
-        """Bodies and camera of the main view.
-        Raises DsfabError for a solid without faces."""
+        """Bodies and camera of the main view. Raises DsfabError for a solid without faces."""
         if not len(self.F):
             raise DsfabError("there is nothing to draw: the solid has no faces; lower the pattern's thresholds")
         palette, surface, up = self.look.palette, self.surface, self.up
@@ -130,8 +128,7 @@ class ClientPicture:
 @dataclass(frozen=True, eq=False)
 class AnalysisPicture:
     """Data of the picture analysis.png: loads and supports on the left, stress on the right.
-    loaded  : picture of the left half.
-    V, F    : vertices (n, 3) of the cut sheet, metres, and faces (m, 3).
+    loaded  : picture of the left half.    V, F : vertices (n, 3) of the cut sheet, metres, and faces (m, 3).
     faces   : colours of the faces, with colour bar and caption."""
 
     loaded: StructurePicture
@@ -147,7 +144,7 @@ class AnalysisPicture:
         body, annotations = Body(self.V, self.F, faces.face, casts=True), replace(loaded.annotations, layers=())
         stage = set_stage(body, loaded.side, loaded.up, loaded.half, annotations, palette, size)
         half = 0.86 * size[0] / size[1]
-        stage = replace(stage, view=fit_view(self.V, loaded.side, (-half, half, -0.6, 0.6)))  # space for notes
+        stage = replace(stage, view=fit_view(self.V, loaded.side, (-half, half, -0.6, 0.6)))  # leaves space for notes
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             image = render_stage(scene, stage, palette, size, PANEL_LIGHT)
         image = with_legend(image, legend(stage, faces.words, palette, size), palette)

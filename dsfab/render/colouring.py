@@ -65,7 +65,7 @@ class ColourBar:
 @dataclass(frozen=True, eq=False)
 class Colouring:
     """Colours (m, 3) of faces as bytes. bar : colour bar, or None.
-    V : (n, 3) vertices to draw, m; None draws the surface.    words : text for the caption."""
+    V : (n, 3) vertices of a deformed surface, m; None draws the undeformed surface.    words : text for the caption."""
 
     face: Bytes
     bar: ColourBar | None = None
@@ -74,11 +74,15 @@ class Colouring:
 
 
 def check_show(show: str) -> None:
-    """Raise DsfabError unless `show` names a picture."""
+    """Raise DsfabError unless `show` is the name of a picture that needs no finished sheet or solid."""
     if show == "fabrication":
-        raise DsfabError("show 'fabrication' needs the finished solid; in dsfab preview, use it without other pictures")
+        raise DsfabError(
+            "show = 'fabrication' needs the finished solid; in dsfab preview, use 'fabrication' without other pictures"
+        )
     if show == "members":
-        raise DsfabError("show 'members' needs the finished sheet; in dsfab preview, use it without other pictures")
+        raise DsfabError(
+            "show = 'members' needs the finished sheet; in dsfab preview, use 'members' without other pictures"
+        )
     if show not in get_args(ShownResult):
         raise DsfabError(f"show {show!r} is not known; use one of {', '.join(get_args(ShownResult))}")
 
@@ -105,14 +109,20 @@ def face_colouring(design: "Design", show: str, palette: Palette) -> Colouring:
         return Colouring(face, words=f"loads, {force_label(total)} in all")
     if show == "directions":
         if design.preset.combines:
-            return Colouring(face, words="combined cases: red bars follow the largest stress, blue bars cross red bars")
+            return Colouring(
+                face,
+                words="directions for the combined load cases: red bars follow the largest stress, "
+                "blue bars cross the red bars",
+            )
         return Colouring(face, ColourBar(1.0, ("", "", ""), ("compression", "tension"), _DIVERGING))
     return Colouring(face)
 
 
 def _mode_colouring(design: "Design", show: str) -> Colouring:
     if design.pattern.even:
-        raise DsfabError(f"show {show!r} needs pattern.method = 'modes'; show structure, families or directions")
+        raise DsfabError(
+            f"show = {show!r} needs pattern.method = 'modes'; show structure, families or directions instead"
+        )
     name = show.removesuffix("_mode")
     modes = getattr(design.diffusion, name)
     number = getattr(design.preset.pattern, name).mode
@@ -151,12 +161,13 @@ def rising_colours(share: Floats, bands: int = 0) -> Bytes:
 
 
 def signed_colours(share: Floats) -> Bytes:
-    """Return colours (k, 3) for values (k,) from -1 to 1, other than stress."""
+    """Return colours (k, 3) for values (k,) from -1 to 1 that are not stresses."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _SIGNED)
 
 
 def ramp(share: Floats, colours: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for values (k,) from 0 to 1, from a scale of colours (q, 3)."""
+    """Return colours (k, 3) for values (k,) from 0 to 1, interpolated between `colours` (q, 3).
+    bands : number of steps; 0 for a smooth scale."""
     if bands:
         share = np.clip(np.floor(share * bands), 0, bands - 1) / (bands - 1)
     place, positions = share * (len(colours) - 1), np.arange(len(colours))
@@ -201,7 +212,7 @@ YIELD_COLOUR = (96, 40, 150)  # violet, for faces whose stress exceeds the stren
 
 
 def preset_with_mode(preset: "Preset", show: str) -> "Preset":
-    """Return the preset, with the buckling mode or frequency that the picture `show` needs."""
+    """Return the preset, with a request for the buckling mode or frequency that the picture `show` displays."""
     from dsfab.preset.file import with_overrides
 
     key = {"buckling": "buckling", "frequency": "frequencies"}.get(show)
@@ -217,9 +228,11 @@ def answer_colouring(design: "Design", show: str) -> Colouring:
         return _shape_colouring(design, show)
     stress, by = design.statics.answers.stress, _elements_text(design)
     if show == "energy":
-        return scaled_colouring(stress.energy, energy_label, f"strain energy per area, uncut sheet, {by}")
+        return scaled_colouring(stress.energy, energy_label, f"strain energy per area of the uncut sheet, {by}")
     if show == "vonmises":
-        words = f"largest von Mises stress in each face, up to {stress_label(stress.peak.stress)}, uncut sheet, {by}"
+        words = (
+            f"largest von Mises stress in each face of the uncut sheet, up to {stress_label(stress.peak.stress)}, {by}"
+        )
         return scaled_colouring(stress.largest, stress_label, words)
     strength = design.preset.statics.strength
     if not strength:
@@ -258,7 +271,10 @@ def _displacement_colouring(design: "Design") -> Colouring:
     largest = float(size.max())
     factor = round_length(EXAGGERATION * design.surface.size / largest) if largest > 0 else 1.0
     times = f"{factor:,.0f}" if factor >= 1 else f"{factor:g}"
-    words = f"movement of the uncut sheet, at most {length(largest)}, drawn {times} x, {_elements_text(design)}"
+    words = (
+        f"displacement of the uncut sheet, at most {length(largest)}, drawn {times} times as large, "
+        f"{_elements_text(design)}"
+    )
     limit, bands = band_limit(largest)
     bar = ColourBar(limit, ("0", "", length(limit)), ("", ""), bands=bands)
     face = rising_colours(size[design.surface.F].mean(axis=1) / limit, bands)
@@ -274,14 +290,14 @@ def _shape_colouring(design: "Design", show: str) -> Colouring:
     answers = design.statics.answers
     if show == "buckling" and answers.buckling is not None and len(answers.buckling.factor):
         shape = answers.buckling.shapes[0]
-        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # shape follows the load
+        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # the shape moves with the load
         words = f"buckles at {answers.buckling.factor[0]:.3g} x the load"
     elif show == "frequency" and answers.vibration is not None:
         shape, words = answers.vibration.shapes[0], f"swings at {answers.vibration.hertz[0]:.3g} Hz"
     else:
         key = {"buckling": "buckling", "frequency": "frequencies"}[show]
         why = "; ".join(answers.refusals) or ("the load compresses no part of the sheet" if answers.buckling else "")
-        raise DsfabError(f"there is no mode shape of {show}: {why or f'ask for it with --set statics.{key}=1'}")
+        raise DsfabError(f"no mode shape of {show} was computed: {why or f'ask for it with --set statics.{key}=1'}")
     size = np.linalg.norm(shape, axis=1)
     bar = ColourBar(1.0, ("", "", ""), ("still", "moves most"))
     V = design.surface.V + EXAGGERATION * design.surface.size * shape

@@ -68,7 +68,9 @@ def analysis_picture(design: Design, judged: "Carrying", look: Look = ANALYSIS_L
             judged.stress / strength, f"{before} - stress / strength of {stress_label(strength)}"
         )
     else:
-        faces = scaled_colouring(judged.stress, stress_label, f"{before} - stress; no strength to compare it with")
+        faces = scaled_colouring(
+            judged.stress, stress_label, f"{before} - stress; the preset gives no strength for a comparison"
+        )
     return AnalysisPicture(loaded, surface.V, surface.F, faces, _carrying_callouts(judged, palette))
 
 
@@ -110,7 +112,7 @@ _STARTED_PROGRAM: ContextVar[PreparedProgram | None] = ContextVar("_AHEAD", defa
 
 @contextmanager
 def start_picture_program() -> Iterator[None]:
-    """Keep a process ready to draw pictures, in a `with` block. Raises DsfabError if this machine cannot draw."""
+    """Keep a process ready to draw pictures during a `with` block. Raises DsfabError if this machine cannot draw."""
     if (os.cpu_count() or 1) == 1:
         yield
         return

@@ -60,8 +60,8 @@ def set_stage(
     palette: Palette,
     size: tuple[int, int],
 ) -> Stage:
-    """Return the stage of a picture.
-    half : half of the thickness (m).    up : (3,) upward vector of any length.    size : pixels."""
+    """Return the bodies, camera and floor of a picture.    half : half of the structure's thickness (m).
+    up : (3,) upward vector of any length.    size : width and height of the picture, pixels."""
     V, up = body.V, up / np.linalg.norm(up)
     low, high = V.min(axis=0), V.max(axis=0)
     centre, reach = (low + high) / 2, float(np.linalg.norm(high - low))
@@ -74,7 +74,7 @@ def set_stage(
         if stands and "supports" in annotations.layers:
             level -= marks.CONE_HEIGHT * reach
     if side.front:
-        level, stands = float((V @ side.floor).min()) - 0.012 * reach, True  # front view: floor behind the sheet
+        level, stands = float((V @ side.floor).min()) - 0.012 * reach, True  # front view: the floor is behind the sheet
     elif "person" in annotations.layers and stands and PERSON_RANGE[0] <= float(np.ptp(V @ up)) <= PERSON_RANGE[1]:
         bodies.append(Body(*person(*marks.place_beside(V, side, up, level), up), palette.colour_bytes("person")))
     if "tree" in annotations.layers and stands:
@@ -90,7 +90,7 @@ def page_view(
     bodies: list[Body], side: ViewSide, size: tuple[int, int], words: bool = True, scale: bool = False
 ) -> View:
     """Return the view in which bodies fill a picture.
-    size : pixels.    words, scale : True to leave space for a caption, and for a colour scale."""
+    size : of the picture, pixels.    words, scale : True to leave space for a caption, and for a colour scale."""
     aspect = size[0] / size[1]
     half, bottom, top = (0.86, -0.62 if scale else -0.70, 0.88) if words else (0.92, -0.86, 0.92)
     return fit_view(np.concatenate([body.V for body in bodies]), side, (-half * aspect, half * aspect, bottom, top))
@@ -128,7 +128,7 @@ def legend(
     stage: Stage, caption: str, palette: Palette, size: tuple[int, int], swatches: tuple[tuple[str, Colour], ...] = ()
 ) -> Legend:
     """Return the legend of a picture.
-    size : pixels.    swatches : names and colours."""
+    size : of the picture, pixels.    swatches : names of colours in the picture, with the colours."""
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
     kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
     colours = [body.colour for body in stage.bodies[1:]]
@@ -137,8 +137,7 @@ def legend(
 
 
 def person(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
-    """Return a flat figure of a person, 1.75 m tall, at `foot` (3,), m.
-    right, up : (3,) unit vectors."""
+    """Return a flat figure of a person, 1.75 m tall, at `foot` (3,), m. right, up : (3,) unit vectors."""
     strips = [[(0.0, half, y) for half, y in _BODY]]
     strips += [[(side * x, half, y) for x, half, y in limb] for limb in (_ARM, _LEG) for side in (-1.0, 1.0)]
     vertices, faces, count = [], [], 0
@@ -153,7 +152,7 @@ def person(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
     return foot + flat[:, :1] * right + flat[:, 1:] * up, np.concatenate(faces)
 
 
-# rows from top to bottom, m; body: (half width, height); limbs: (middle, half width, height)
+# rows (m) from top to bottom: (half width, height) of the body; (middle, half width, height) of a limb
 _BODY = [
     (0.002, 1.75), (0.040, 1.743), (0.064, 1.720), (0.077, 1.680), (0.078, 1.640), (0.070, 1.590), (0.053, 1.545),
     (0.047, 1.515), (0.052, 1.490), (0.090, 1.467), (0.145, 1.447), (0.188, 1.420), (0.200, 1.385), (0.180, 1.280),
@@ -174,7 +173,7 @@ EDGE_COSINE = np.float32(0.87)  # edges are drawn where the normals of neighbour
 
 
 def check_ground(ground: str) -> None:
-    """Raise DsfabError for an unknown ground."""
+    """Raise DsfabError unless `ground` is paper, white or transparent."""
     if ground not in get_args(GroundKind):
         raise DsfabError(f"ground {ground!r} is not known; use one of {', '.join(get_args(GroundKind))}")
 
@@ -187,8 +186,7 @@ def render_stage(
     quality: light.LightQuality = light.FINE,
     transparent: bool = False,
 ) -> "Image":
-    """Return the picture of a stage without words.
-    transparent : True to draw no ground."""
+    """Return the picture of a stage without words. transparent : True to draw no ground."""
     from PIL import Image
 
     finer = quality.finer
@@ -260,7 +258,7 @@ def _codes(colours: Bytes) -> Ints:
 
 def edge_strengths(pixels: Pixels, jump: float) -> Floats32:
     """Return the strength (h, w) of edge lines, 0..1 [Saito, Takahashi 1990].
-    jump : least change of depth, in units of `Scene.radius`."""
+    jump : smallest change of depth that gives a line, in units of `Scene.radius`."""
     strong, rows = np.zeros(pixels.depth.shape, dtype=np.float32), 64
     for start in range(0, len(strong), rows):  # strips of rows need less memory than the whole picture
         columns = np.flatnonzero(np.isfinite(pixels.depth[start : start + rows]).any(axis=0))

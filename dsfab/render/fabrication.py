@@ -27,7 +27,7 @@ LIMIT_KEYS = {"member": "min_member", "gap": "min_gap", "wall": "min_wall", "edg
 
 @dataclass(frozen=True, eq=False)
 class Callout:
-    """A note on a place (3,) in metres: two lines of text, and the colour of a ring."""
+    """A note on a place (3,), metres: two lines of text, and the colour of the ring around the place."""
 
     place: Floats
     lines: tuple[str, str]

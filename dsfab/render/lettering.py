@@ -161,8 +161,8 @@ NAME_DIRECTIONS = np.linspace(0, 2 * np.pi, 16, endpoint=False)  # angles around
 
 @dataclass(frozen=True, eq=False)
 class Nameplate:
-    """Name of a member to write into a picture. places : (k, 2) pixels, the best first.
-    visible : (k,) True for points that nothing hides."""
+    """Name of a member to write into a picture. places : (k, 2) possible places, pixels, the best first.
+    visible : (k,) True for places that nothing hides."""
 
     text: str
     colour: Colour
@@ -172,7 +172,7 @@ class Nameplate:
 
 @dataclass(frozen=True, eq=False)
 class PlacedName:
-    """Name at its place in a picture, in pixels: `middle` (2,) of the letters, `anchor` (2,) on the member."""
+    """Name in a picture, in pixels. middle : (2,) centre of the letters.    anchor : (2,) named point on the member."""
 
     plate: Nameplate
     middle: Floats

@@ -25,7 +25,7 @@ def frame_towards(towards: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ShadowMaps:
-    """Shadow maps of b lamps. maps : (b, s, s) depth from each lamp.
+    """Shadow maps of b lamps. maps : (b, s, s) depth of the nearest surface as seen from each lamp.
     placing : (3 b, 6) matrix from (x, y, z, two random offsets up to `GRAIN`, 1) to columns, rows, depths in the maps.
     towards : (b, 3) unit vectors towards the lamps, times the strengths of the lamps."""
 
@@ -51,12 +51,13 @@ class ShadowMaps:
         return cls(maps, placing.reshape(-1, 6).astype(np.float32), weighed.astype(np.float32))
 
     def light_on(self, points: Floats32, normals: Floats32, grain: Floats32) -> Floats32:
-        """Return the light (k,) on points (3, k), scene units, with normals (3, k). grain : (2, k) random offsets."""
+        """Return the light (k,) on points (3, k), scene units, with normals (3, k).
+        grain : (2, k) random offsets in the shadow maps, pixels."""
         count, side = self.maps.shape[:2]
         queries = np.ones((6, points.shape[1]), dtype=np.float32)
         np.add(points, np.float32(SURFACE_LIFT / side) * normals, out=queries[:3])
         queries[3:5] = grain[:, : points.shape[1]]
-        # points outside all shadow maps are lit, for example distant ground
+        # points outside all shadow maps, for example on distant ground, have no shadow
         reach = np.einsum("ik,ik->k", queries[:3], queries[:3]).max()
         leaves_maps = reach >= (1 - 2 * (GRAIN + 1) / side) ** 2
         column, row, depth = (self.placing @ queries).reshape(3, count, -1)
@@ -85,10 +86,10 @@ TILE = 1 << 10  # number of points lit together by twenty lamps, for the process
 
 @dataclass(frozen=True)
 class LightQuality:
-    """Lamps and shadow maps. sun, sky, below : numbers of lamps.
-    sharp, coarse : side of the sun's shadow maps and of other shadow maps, pixels.
-    blur  : blur of shadows on the floor / height of the picture: for the sun, and for other lamps.
-    finer : enlargement of a picture before reduction, for smooth edges."""
+    """Quality of the light. sun, sky, below : numbers of lamps for the sun, for the sky, and below the floor.
+    sharp, coarse : width of the square shadow maps of the sun, and of other lamps, pixels.
+    blur  : radius of blur of shadows on the floor / height of the picture: for the sun, and for other lamps.
+    finer : factor by which a picture is drawn larger and then reduced, for smooth edges."""
 
     sun: int = 10
     sky: int = 36
@@ -104,26 +105,26 @@ class LightQuality:
         return 4 * (self.sun * self.sharp**2 + (self.sky + self.below) * self.coarse**2)
 
     def fitting(self, height: int) -> "LightQuality":
-        """Return a copy with shadow maps for a picture with `height` rows of pixels."""
+        """Return a copy with shadow maps no larger than a picture with `height` rows of pixels needs."""
         sharp, coarse = max(320, 2 * height), max(256, round(1.3 * height))
         return replace(self, sharp=min(self.sharp, sharp), coarse=min(self.coarse, coarse))
 
 
 FINE, QUICK = LightQuality(), LightQuality(5, 14, 3, 448, 256, (0.012, 0.05))
-"""Quality of a single picture, and of each of many pictures."""
+"""Light of a single picture, and of each picture in a series."""
 ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)  # quality of a first, quick picture
 
 
 @dataclass(frozen=True, eq=False)
 class Lamps:
-    """Lamps in directions (k, 3), the sun's lamps first. strength : (k,)."""
+    """Lamps. towards : (k, 3) unit vectors to the lamps, the sun's lamps first.    strength : (k,) of the lamps."""
 
     towards: Floats
     strength: Floats
     quality: LightQuality
 
     def open_light(self, normal: Floats) -> tuple[float, float]:
-        """Return the light of the sun and of other lamps on a surface with a unit normal (3,)."""
+        """Return the light of the sun and of other lamps on a surface without shadows. normal : (3,) unit normal."""
         light_by_lamp = np.maximum(self.towards @ normal, 0) * self.strength
         return float(light_by_lamp[: self.quality.sun].sum()), float(light_by_lamp[self.quality.sun :].sum()) + AMBIENT
 
@@ -147,7 +148,7 @@ def lamps(view: View, floor: Floats, quality: LightQuality = FINE) -> Lamps:
 
 
 def _cap(count: int, half_angle: float) -> Floats:
-    """Return unit vectors (count, 3), spread evenly within `half_angle`, radians, of (0, 0, 1)."""
+    """Return unit vectors (count, 3), spread evenly in a cone around (0, 0, 1). half_angle : of the cone, radians."""
     index = np.arange(count) + 0.5
     z = 1 - index / count * (1 - np.cos(half_angle))
     turn = index * np.pi * (3 - np.sqrt(5))
@@ -157,7 +158,8 @@ def _cap(count: int, half_angle: float) -> Floats:
 
 def lamp_light(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32, paired: int = 0) -> Floats32:
     """Return the light (2, k), of the sun and of other lamps, on points (3, k).
-    normals : (3, k).    paired : number of points at the beginning that form pairs of neighbours."""
+    normals : (3, k).    paired : number of points at the beginning that form pairs of neighbours. In a pair,
+    each point gets the light of half of the lamps, except for the sun."""
     light = np.zeros((2, points.shape[1]), dtype=np.float32)
     light[1] = AMBIENT
     quality, numbers = all_lamps.quality, np.arange(len(all_lamps.strength))
@@ -189,7 +191,7 @@ def _add_light(
 
 
 def rays(view: View, width: int, height: int) -> tuple[Floats32, Floats32]:
-    """Return slopes (w,) and (h,) of the lines of sight through the pixels."""
+    """Return horizontal slopes (w,) and vertical slopes (h,) of the lines of sight through the pixels."""
     x = (2 * np.arange(width) + 1 - width) / height * view.slope
     y = -(2 * np.arange(height) + 1 - height) / height * view.slope
     return x.astype(np.float32), y.astype(np.float32)
@@ -198,7 +200,7 @@ def rays(view: View, width: int, height: int) -> tuple[Floats32, Floats32]:
 def pixel_and_floor_light(
     scene: Scene, view: View, pixels: Pixels, all_lamps: Lamps, floor: Floats, level: float | None
 ) -> tuple[Floats32, Floats32 | None]:
-    """Return the light (k,) on pixels of a body, and the light (h, w) on the floor.
+    """Return the light (k,) on pixels that show a body, and the ratio of the floor's light to light without shadows.
     floor : (3,) normal of the floor.    level : height along this normal, scene units; None without a floor."""
     height, width = pixels.depth.shape
     hit, paired = np.isfinite(pixels.depth), int(all_lamps.quality.finer > 1)

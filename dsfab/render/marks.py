@@ -21,7 +21,7 @@ MarkMesh = tuple[Floats, Ints]  # vertices (n, 3) in metres, and faces (m, 3)
 
 @dataclass(frozen=True)
 class Spacing:
-    """Limits for marks in a picture. apart : least distance / structure's size.    most : largest number."""
+    """Limits for marks in a picture. apart : least distance / structure's size.    most : largest number of marks."""
 
     apart: float
     most: int
@@ -57,7 +57,7 @@ def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class ForceArrows:
-    """Arrows at the vertices `at` (k,): forces `pull` (k, 3) in newtons, and lengths `long` (k,) in metres."""
+    """Arrows for forces. at : (k,) vertices.    pull : (k, 3) forces, N.    long : (k,) lengths of the arrows, m."""
 
     at: Ints
     pull: Floats
@@ -94,7 +94,7 @@ def _outer(surface: Surface, up: Floats) -> float:
 def gathered_forces(
     V: Floats, force: Floats, acts: Bools, spacing: Spacing, longest: float, size: float
 ) -> ForceArrows:
-    """Sum the forces (n, 3) at the vertices in the mask `acts` (n,) into a few arrows. longest : metres."""
+    """Sum the forces (n, 3) at the vertices in the mask `acts` (n,) into a few arrows. longest : longest arrow, m."""
     vertices = np.flatnonzero(acts)
     if not len(vertices):
         return ForceArrows(vertices, np.zeros((0, 3)), np.zeros(0))
@@ -109,7 +109,7 @@ def gathered_forces(
 
 
 def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lift: float) -> MarkMesh:
-    """Return cones that touch some supports. size : of the structure, m.
+    """Return cones with their tips at a few of the supports. size : of the structure, m.
     up : (3,) unit vector.    lift : half of the structure's thickness, m."""
     vertices = np.flatnonzero(load.supported)
     if not len(vertices):
@@ -136,7 +136,8 @@ def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: fl
 
 
 def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float, eye: Floats) -> MarkMesh:
-    """Return slim arrows along a gradient (m, 3). eye : (3,) unit vector towards the eye."""
+    """Return slim arrows along a gradient (m, 3) at a few faces. eye : (3,) unit vector towards the eye.
+    size : of the structure, m.    lift : half of the structure's thickness, m."""
     steep = np.linalg.norm(gradient, axis=1)
     if not steep.any():
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -208,7 +209,7 @@ def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
 
 
 def place_beside(V: Floats, side: ViewSide, up: Floats, level: float, which: float = 1.0) -> tuple[Floats, Floats]:
-    """Return a place (3,) on the ground beside vertices V (n, 3), and the unit vector (3,) to the right in the picture.
+    """Return a place (3,) on the ground beside vertices V (n, 3), and the picture's unit vector (3,) to the right.
     level : height of the ground, m.    which : 1 for right and in front, -1 for left and behind."""
     right = unit_vectors(np.cross(side.up, side.towards)[None])[0]
     x, y, front = V @ right * which, V @ np.cross(right, up), np.cross(right, up)
@@ -230,7 +231,8 @@ def pencil(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
 
 
 def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Floats) -> MarkMesh:
-    """Return copies of a template, which begin at `start` (k, 3) and are `long` (k,) metres long."""
+    """Return k copies of a template mesh. start : (k, 3) first point of each copy.
+    along : (k, 3) unit vectors of the axes of the copies.    long : (k,) lengths, m."""
     vertices, faces = template
     second = np.cross(along, np.eye(3)[np.argmin(np.abs(along), axis=1)])
     second /= np.linalg.norm(second, axis=1, keepdims=True)
@@ -240,7 +242,7 @@ def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Float
     return copies.reshape(-1, 3), shifted.reshape(-1, 3)
 
 
-CROSS_SPACING = Spacing(0.034, 500)  # for `crosses`; many crosses would take long to draw
+CROSS_SPACING = Spacing(0.034, 500)  # at most 500, because many crosses are slow to draw
 BAR_LENGTH, BAR_WIDTH = 0.8, 0.09  # length and width of each bar of a cross, divided by the distance between crosses
 
 
@@ -251,7 +253,7 @@ def crosses(design: "Design", palette: Palette) -> Body:
     surface, tensors, r = design.surface, design.diffusion.tensors, design.preset.diffusion.r
     if r <= 1 or tensors.isotropic.all():
         why = f"r = {r:g}" if r <= 1 else "the stress is the same in all directions"
-        raise DsfabError(f"diffusion has no preferred directions to show, because {why}")
+        raise DsfabError(f"the diffusion prefers no direction, so there are no directions to show, because {why}")
     places = thin_points(surface.centroids, surface.size, CROSS_SPACING)
     apart = float(np.sqrt(1.3 * surface.area / len(places)))  # distance between neighbouring crosses
     places = places[~tensors.isotropic[places]]
@@ -259,7 +261,7 @@ def crosses(design: "Design", palette: Palette) -> Body:
     normal = surface.normals[places]
     directions = np.concatenate([along, np.cross(normal, along)])
     vertices, faces = _bars(np.tile(surface.centroids[places], (2, 1)), directions, np.tile(normal, (2, 1)), apart)
-    if design.preset.combines:  # the sign of stress may differ between cases, so colours show no sign
+    if design.preset.combines:  # stress signs may differ between load cases, so colours show no sign
         red = (np.arange(2 * len(places)) < len(places))[:, None]
         colour = np.where(red, *(np.array(tint, dtype=np.uint8) for tint in palette.tints[:2]))
     else:

@@ -90,7 +90,7 @@ def members_picture(
 def rated_members_picture(
     design: "Design", band: Ints, count: int, names: Sequence[str], *, size: tuple[int, int], palette: Palette = PAPER
 ) -> Bytes:
-    """Return a picture of a design's sheet in colour bands, with names of members, (height, width, 3) bytes.
+    """Return a picture of a design's sheet, coloured by band, with names of members: (height, width, 3) bytes.
     band : (m,) number of each cell's band, 0 to `count` - 1; -1 without a band.    Raises DsfabError."""
     table = np.array([*band_colours(count), palette.plain], dtype=np.uint8)
     ink = dict.fromkeys(names, palette.text)
@@ -113,7 +113,8 @@ class _MembersDrawing:
     def picture(
         self, face: Bytes, names: Mapping[str, Colour], words: str, swatches: tuple[tuple[str, Colour], ...]
     ) -> Bytes:
-        """Return the picture. face : (m, 3) colours. words : caption. swatches : legend."""
+        """Return the picture. face : (m, 3) colours of cells.    names : members to name, with colours.
+        words : caption.    swatches : names of colours for the legend, with the colours."""
         check_ground(self.ground)
         require_rendering()
         design, size, palette = self.design, self.size, self.palette
@@ -160,7 +161,8 @@ def _swatches(graph: "MemberGraph", palette: Palette) -> tuple[tuple[str, Colour
 def nameplates(
     graph: "MemberGraph", stage: Stage, depth: np.ndarray, look: tuple[tuple[int, int], Mapping[str, Colour], Palette]
 ) -> Iterator[Nameplate]:
-    """Yield the nameplate of each member to name. depth : (h, w) depth of each pixel, m."""
+    """Yield a nameplate for each member to name. depth : (h, w) depth of each pixel, m.
+    look : picture size in pixels; members to name, with colours; palette."""
     size, names, palette = look
     for member in (member for member in graph.members if member.id in names):
         seen = stage.view.page_coordinates(_points(graph, member, stage.view))

@@ -11,7 +11,7 @@ from dsfab.core.errors import DsfabError
 WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"  # environment variable by which VTK chooses its kind of window
 SECONDS = 120  # time limit of the test
 
-# the test draws a red frame, because VTK loads its graphics libraries at the first frame
+# the test must draw a frame, because VTK loads its graphics libraries at the first frame
 PROBE = """
 from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
@@ -39,7 +39,7 @@ def probe_ahead() -> None:
 
 
 def assume_window(window: str | None = None) -> str:
-    """Use a kind of VTK window without a test, and return its name."""
+    """Set the kind of VTK window without a test, and return its name. window : the kind; None for the usual kind."""
     name = window_kinds(os.environ.get(WINDOW, ""))[0] if window is None else window
     _KNOWN.add(name)
     if name:
@@ -50,7 +50,7 @@ def assume_window(window: str | None = None) -> str:
 
 
 def forget_windows() -> None:
-    """Forget which kinds of window can draw."""
+    """Discard the results of all tests of window kinds."""
     _KNOWN.clear()
     _draws.cache_clear()
 
@@ -84,7 +84,8 @@ def why_no_pictures() -> str:
 
 
 def window_kinds(chosen: str) -> tuple[str, ...]:
-    """Return kinds of window to try, best first. "" means VTK's choice."""
+    """Return the kinds of VTK window to try, the best first. "" stands for VTK's own choice.
+    chosen : kind that the user has set, or ""."""
     if chosen:
         return (chosen,)
     if not sys.platform.startswith("linux"):

@@ -42,7 +42,7 @@ def png_bytes(pixels: Bytes) -> bytes:
 @dataclass(frozen=True, eq=False)
 class Look:
     """Style of a picture. size : (width, height), pixels.    letters : size of letters / default size.
-    up : direction (3,), or None."""
+    up : upward direction (3,); None for a guess."""
 
     size: tuple[int, int] = (1600, 1200)
     up: ArrayLike | None = None
@@ -113,7 +113,7 @@ class StructurePicture:
 
 
 def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Bytes:
-    table = np.array([*palette.families, palette.members], dtype=np.uint8)  # family -1 means the last row
+    table = np.array([*palette.families, palette.members], dtype=np.uint8)  # -1 selects the last row
     index = np.full(len(F), -1) if family is None else np.asarray(family)
     if index.shape != (len(F),) or index.min() < -1 or index.max() >= len(palette.families):
         raise ValueError(f"expected {len(F)} families between -1 and {len(palette.families) - 1}")

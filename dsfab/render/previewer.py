@@ -145,13 +145,16 @@ class Previewer:
         Raises DsfabError for a different [surface] or an invalid preset, and then keeps the old preset."""
         if preset.first_difference(self._preset) == "surface":
             raise DsfabError(
-                "a changed [surface] or region has a new geometry and new loads: make a new Previewer for the preset"
+                "a change of [surface] or of a region changes the geometry and the loads: make a new Previewer for "
+                "the preset"
             )
         if not self.can_display(preset):
             if self._arrows:
                 raise DsfabError("the gradient arrows do not fit the new preset: make a new Previewer for the preset")
             why = "other directions" if self._show == "directions" else f"another shape of {self._show}"
-            raise DsfabError(f"the preset's new [statics] leads to {why}: make a new Previewer for the preset")
+            raise DsfabError(
+                f"the change of [statics] in the preset leads to {why}: make a new Previewer for the preset"
+            )
         if not needs_only_settings(self._made.preset, preset):
             design = draft(preset, earlier=self._made)
             mesh = StripedMesh.from_design(design)
@@ -189,9 +192,11 @@ class Previewer:
         stage = replace(self._stage, view=self._view(size, words))
         image = drawing.render_stage(self._scene, stage, self._palette, size, quality, self._clear)
         release_freed_memory(16.0 * size[0] * size[1] * quality.finer**2)  # bytes of intermediate pictures
-        alone = len(stage.bodies) == 1  # a picture of only the sheet is empty if no material is left
+        alone = len(stage.bodies) == 1  # with a sheet alone, an empty picture means no material
         if self._scene.empty if alone else not self._scene.casting:
-            raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
+            raise PatternError(
+                "the pattern leaves no material on the surface; lower pattern.major.threshold or raise pattern.keep"
+            )
         if words:
             line = self._caption() if caption is None else caption
             image = with_legend(image, drawing.legend(stage, line, self._palette, size, self._swatches), self._palette)
@@ -232,7 +237,7 @@ class Previewer:
         design, mesh = self._made, self._mesh
         self._shader = StripeShader(vertex_fields(design, mesh, self._distances(design)), self._tints)
         V, normals = self._V, None
-        if mesh.even:  # equal normals on both sides hide the lines along which this mesh is cut
+        if mesh.even:  # equal normals on both sides of the mesh's cuts hide the cuts
             normals = mesh.at_corners(shading(design.surface.V if V is None else V, design.surface.F))
         return Body(
             mesh.surface.V if V is None else mesh.carry(V),
@@ -250,14 +255,15 @@ class Previewer:
 
     def _try_shader(self) -> None:
         view = self._view(TRIAL_SIZE, True)
-        seen = []  # if a driver refuses the shader, all faces or none appear, without an error
+        seen = []  # a driver that refuses the shader draws all faces or no face, without error
         for settings in (ALL_MATERIAL, NO_MATERIAL):
             self._shader.set(settings)
             seen.append(int(self._scene.mask(view, *TRIAL_SIZE).sum()))
         if not seen[0] or seen[1]:
             raise DsfabError(
-                f"this machine's graphics driver does not run the preview's shader: it drew {seen[0]} pixels where all "
-                f"is material, and {seen[1]} pixels where no material is. To draw in software, set "
+                f"this machine's graphics driver does not run the preview's shader: the shader drew {seen[0]} pixels "
+                f"of a surface full of material, and {seen[1]} pixels of a surface without material. To draw in "
+                f"software, set "
                 "VTK_DEFAULT_OPENGL_WINDOW=vtkEGLRenderWindow, or use dsfab build, whose picture needs no shader"
             )
 
@@ -308,7 +314,7 @@ class Previewers:
         return self._previewer
 
     def draft_for(self, preset: Preset, progress: Progress | None = None) -> Design:
-        """Return the design up to its pattern, with unchanged stages of the previous design."""
+        """Return the design of a preset up to the pattern. Unchanged stages are those of the previous design."""
         design = Design.from_preset(preset, self.design, progress)
         if self._sketched and not design.has("pattern"):
             show = self._options.get("show")

@@ -39,11 +39,11 @@ class Window:
         self.closed = False
 
     def add(self, actor: Any) -> None:
-        """Draw an actor in all following pictures."""
+        """Draw a VTK actor in all following pictures."""
         self._renderer.AddActor(actor)
 
     def remove(self, actor: Any) -> None:
-        """Stop drawing an actor."""
+        """Stop drawing a VTK actor."""
         self._renderer.RemoveActor(actor)
         actor.ReleaseGraphicsResources(self.window)
 
@@ -121,8 +121,8 @@ def load_renderer() -> bool:
 
 
 def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.float32], Ints]:
-    """Return a VTK mesh, split at edges with an angle above `split` degrees; normals (k, 3); original index (k,).
-    points : (n, 3).    F : (m, 3) faces."""
+    """Return a VTK mesh that is split at edges with an angle above `split` degrees, with k points.
+    Also return the points' normals (k, 3), and the index (k,) of each point in `points` (n, 3).    F : (m, 3) faces."""
     from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
     source_mesh = _polydata(points, F)
@@ -141,7 +141,7 @@ def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.f
 
 
 def mesh_with_normals(points: Floats, F: Ints, normals: NDArray[np.float32]) -> tuple[Any, NDArray[np.float32], Ints]:
-    """Return a VTK mesh, split where the normals (m, 3, 3) differ; results as in `split_mesh`."""
+    """Return a VTK mesh, split where normals (m, 3, 3) at face corners differ, with the results of `split_mesh`."""
     steps = np.rint((normals.reshape(-1, 3) + 1) * (NORMAL_STEPS / 2)).astype(np.int64)
     key = np.ravel_multi_index((F.ravel(), *steps.T), (len(points), *3 * (NORMAL_STEPS + 1,)), mode="clip")
     _, first_corner, corner = np.unique(key, return_index=True, return_inverse=True)
@@ -151,7 +151,7 @@ def mesh_with_normals(points: Floats, F: Ints, normals: NDArray[np.float32]) -> 
 
 
 def set_array(attributes: Any, name: str, values: NDArray[Any]) -> None:
-    """Store numbers (k, ...) of points or cells in a mesh, under a name."""
+    """Store values (k, ...) at the points or cells of a VTK mesh, with a name. attributes : point or cell data."""
     array = _support().numpy_to_vtk(np.ascontiguousarray(values), deep=True)  # a copy, as numpy frees `values`
     array.SetName(name)
     attributes.AddArray(array)
@@ -191,9 +191,8 @@ LAMP_DEPTHS = 1.9, 4.1  # nearest and farthest depth that a lamp lights, scene u
 @dataclass(frozen=True, eq=False)
 class Body:
     """Mesh of vertices V (n, 3), m, and faces F (m, 3), with a colour (3,) or (m, 3) in 0..255.
-    casts   : True if the body throws shadows.    shader : removes material outside a pattern.
-    half    : half of the thickness of the walls, m.
-    normals : (m, 3, 3) at corners of faces, or None."""
+    casts   : True if the body throws shadows.    shader : hides the openings of a pattern, or None.
+    half    : half of the thickness of the sheet, m.    normals : (m, 3, 3) normals at the corners of faces, or None."""
 
     V: Floats
     F: Ints
@@ -205,7 +204,7 @@ class Body:
 
     @cached_property
     def encloses(self) -> bool:
-        """True for a closed mesh with outward faces."""
+        """True for a closed mesh with all faces oriented outwards."""
         F = np.asarray(self.F, dtype=np.int64)
         start, end = F.ravel(), np.roll(F, -1, axis=1).ravel()
         forward, backward = start * len(self.V) + end, end * len(self.V) + start
@@ -273,7 +272,7 @@ class Scene:
             self.window.draw()
         hit = z < 1
         self.empty = not hit.any()
-        z *= near - far  # in place: a picture for print has 24 million pixels
+        z *= near - far  # change z in place; a print has 24 million pixels
         z += far
         depth = np.divide(near * far, z, out=z)
         depth[~hit] = np.inf
@@ -305,7 +304,7 @@ class Scene:
         self.window.wait()
 
     def mask(self, view: View, width: int, height: int) -> Bools:
-        """Return a mask (h, w) of pixels that show a body that casts shadows."""
+        """Return a mask (h, w) of the pixels of all bodies that cast shadows."""
         with self.lamps():
             self._aim_camera(view)
             self.window.resize(width, height)
@@ -317,7 +316,7 @@ class Scene:
         self.casting = False
         for actor, body, casts in zip(self.actors, self.bodies, self.casts, strict=True):
             actor.SetVisibility(casts)
-            actor.GetMapper().SetScalarVisibility(body.shader is not None)  # colours would take 10 times as long
+            actor.GetMapper().SetScalarVisibility(body.shader is not None)  # colours would slow drawing tenfold
             if casts and body.shader is None:  # drawing hidden back faces would triple the time
                 actor.GetProperty().SetBackfaceCulling(body.encloses)
         yield

@@ -12,17 +12,17 @@ from dsfab.pattern.stripes import GLSL
 from dsfab.render.scene import Bytes, Colour, Floats32, set_array
 
 INFINITE_DISTANCE = 1e30  # distance (m) in place of infinity, because infinity times 0 is not a number
-NO_REACH = -INFINITE_DISTANCE  # width without kept material; 0 would fail, because rounded distances can be negative
+NO_REACH = -INFINITE_DISTANCE  # no material is kept; 0 would keep material where rounding makes distances negative
 BY_VERTEX = -1.0  # half-width that tells the shader to read half-widths at the vertices
 
 _DECLARED, _VERTEX_CODE = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
 _CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
 
 FIELDS = ("modes", "widths", "kept")  # names of the three pairs of columns of `StripeShader.fields`
-TIE = 2e-6  # margin (periods) for rounding: half-width 0 gives no material, 1/2 no opening
+TIE = 2e-6  # rounding margin (periods): half-width 0 must draw nothing, 1/2 everything
 
-# (wave(t) + 1) / 4 is the distance from t to the nearest half-integer. With phase t and half-width d, a pixel is
-# material if this distance exceeds 1/2 - d. The vertex shader computes t - 1/2 and 1/2 - d, to save time per pixel.
+# (wave(t) + 1) / 4 is the distance from phase t to the nearest half-integer. A stripe of half-width d covers a pixel
+# if this distance exceeds 1/2 - d. The vertex shader computes t - 1/2 and 1/2 - d, to save time per pixel.
 _STRIPES = f"""
   vec2 dsWide = HALF;
   vec2 dsTie = vec2(dsWide.x > 0.0 ? -{TIE} : {TIE}, dsWide.y > 0.0 ? -{TIE} : {TIE});
@@ -48,8 +48,8 @@ vec3 dsDepth(vec4 stripes, vec2 kept) {
 float dsMost(vec3 depth) { return max(depth.x, max(depth.y, depth.z)); }
 """
 
-# a ray from the eye enters a flat slab of the sheet's thickness, and ends at the slab's face or a stripe's wall.
-# walls have their own variant of the shader, because software rendering runs both branches of every `if`
+# follows a ray from the eye through the thickness of the sheet, to a stripe's wall or the sheet's far face.
+# a separate shader draws walls, because software rendering runs both branches of every `if`
 _WALLS = """
   vec3 dsWall = vec3(0.0);
   vec3 px = dFdx(dsWhere), py = dFdy(dsWhere), ray = normalize(dsWhere - dsEye);
@@ -82,8 +82,8 @@ _WALL_NORMAL = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWa
 
 @dataclass(frozen=True)
 class StripeSettings:
-    """Numbers of a pattern, as pairs for the major and the minor family.
-    half_width : periods, 0 to 0.5, or `BY_VERTEX`.    shown : 1 for a visible family, else 0.
+    """Values of a pattern for the shader, as pairs for the major and the minor family.
+    half_width : half width of stripes, periods, 0 to 0.5, or `BY_VERTEX`.    shown : 1 for a visible family, else 0.
     reach      : widths (m) of material around loads and supports, and along the boundary; `NO_REACH` for none."""
 
     frequency: tuple[float, float] = (1.0, 1.0)
@@ -94,13 +94,13 @@ class StripeSettings:
 
 
 ALL_MATERIAL, NO_MATERIAL = StripeSettings(), StripeSettings(half_width=(0.0, 0.0))
-"""Settings for a surface without openings, and for no material; both test the shader."""
+"""Settings for a surface without openings, and for no material."""
 
 
 @dataclass(frozen=True)
 class ShaderProgram:
-    """Optional parts of the shader's program. vary : names of values at vertices.
-    tinted : True if families have tints."""
+    """Optional parts of the shader's program. vary : names of values that differ between vertices.
+    tinted : True if each family has its own colour."""
 
     vary: tuple[str, ...] = ("modes",)
     walls: bool = False
@@ -150,7 +150,7 @@ class StripeShader:
     _parts: list[dict[str, Any]] = field(default_factory=list)
 
     def attach(self, actor: Any, mapper: Any, mesh: Any, source: Ints) -> None:
-        """Put the shader on an actor. source : (k,) row in `fields` for each point of the actor's mesh."""
+        """Use the shader for a VTK actor. source : (k,) row in `fields` for each point of the actor's mesh."""
         from vtkmodules.vtkCommonDataModel import vtkDataObject
 
         self._parts.append({"actor": actor, "mesh": mesh, "source": source, "program": None})
@@ -160,14 +160,14 @@ class StripeShader:
         self.set(ALL_MATERIAL)
         self.show_walls(None, 0.0)
         for uniforms in self._uniforms():
-            uniforms.SetUniformf("dsSteep", 1 / 4.0)  # a ray runs at most 4 half-thicknesses sideways in the sheet
+            uniforms.SetUniformf("dsSteep", 1 / 4.0)  # limits a ray's way along the sheet to 4 half-thicknesses
             uniforms.SetUniformf("dsShade", 0.82)  # walls are darker than faces
             for name, tint in zip(("dsMajor", "dsMinor", "dsRest"), self.tints or 3 * ((0, 0, 0),), strict=True):
                 uniforms.SetUniform3f(name, [value / 255 for value in tint])
         self.colour_by("colour")
 
     def replace_fields(self, fields: Floats) -> None:
-        """Replace the fields (n, 6)."""
+        """Replace the values `fields` (n, 6) at the vertices."""
         self.fields = fields
         values: Floats32 = np.where(np.isfinite(fields), fields, INFINITE_DISTANCE).astype(np.float32)
         for part in self._parts:
@@ -181,7 +181,7 @@ class StripeShader:
             set_array(part["mesh"].GetCellData(), "colour", face)
 
     def set(self, settings: StripeSettings) -> None:
-        """Replace the settings."""
+        """Replace the settings of the pattern."""
         shown_widths = [d if s > 0.5 else 0.0 for d, s in zip(settings.half_width, settings.shown, strict=True)]
         widths, reads_kept = min(shown_widths) < 0, max(settings.reach) > NO_REACH
         self._change_program(vary=("modes", *(("widths",) if widths else ()), *(("kept",) if reads_kept else ())))
@@ -203,7 +203,7 @@ class StripeShader:
             uniforms.SetUniformf("dsThick", half if walls else 0.0)
 
     def colour_by(self, name: str) -> None:
-        """Draw colours or normals. name : "colour" or "normal"."""
+        """Draw colours or normals in the pixels. name : "colour" or "normal"."""
         self._change_program(normals=name == "normal")
 
     def _change_program(self, **changes: Any) -> None:

@@ -35,7 +35,7 @@ def main(sketches: bool) -> None:
     while True:
         _draw(*pickle.loads(requests.get()))
         _print_line("drawn")
-        gc.enable()  # with `--watch`, more pictures follow
+        gc.enable()  # frees memory between pictures
 
 
 def _draw(what: Any, path: Any, size: tuple[int, int] = (0, 0), options: Any = None) -> None:
@@ -55,7 +55,7 @@ def sketch_caption(previewer: "Previewer", show: str) -> str:
 
     words = previewer.words or (show.replace("_", " ") if show in WHOLE_SHEET else "")
     if not words and previewer.preset.pattern.width.solid_fraction:
-        words = "widths of members are approximate"
+        words = "the widths of members in this sketch are approximate"
     return ", ".join(filter(None, (f"{previewer.preset.name} - first picture", words)))
 
 

@@ -17,8 +17,8 @@ from dsfab.render.shader import BY_VERTEX, INFINITE_DISTANCE, NO_REACH, StripeSe
 from dsfab.results import EvenStripes, PatternResult
 from dsfab.surface import DividedField, Surface
 
-EXACT_REACH_SHARE = 1 / 8  # distances up to this fraction of the surface's size are exact, in all presets
-REGION_FACTOR = 1e33  # factor on distances from drawn regions, so large that `keep` adds no material around them
+EXACT_REACH_SHARE = 1 / 8  # distances are exact up to this fraction of the surface's size, for any preset
+REGION_FACTOR = 1e33  # huge factor on distances from drawn regions, so `keep` adds no material around regions
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,8 @@ class StripedMesh:
         return all(np.array_equal(x, y) for x, y in pairs)
 
     def carry(self, x: Floats) -> Floats:
-        """Return values (n', ...) on this mesh, from values (n, ...) on the uncut surface."""
+        """Return values (n', ...) at the vertices of this mesh, interpolated from values (n, ...) at vertices of the
+        uncut surface."""
         return self.even.chart.carry(x) if self.even else x
 
     def on_faces(self, x: Bytes) -> Bytes:
@@ -76,7 +77,7 @@ class StripedMesh:
         return self.uncut.vertex_normals if self.even is None else unit_vectors(self.carry(self.uncut.vertex_normals))
 
     def phases(self, design: Design) -> Floats:
-        """Return diffusion modes, or phases of evenly spaced stripes: (n', 2)."""
+        """Return the phases (n', 2) of the two families of stripes, or the eigenmodes for stripes on eigenmodes."""
         if self.even:
             return self.even.chart.z
         mode, modes = design.pattern.mode, design.diffusion
@@ -84,7 +85,7 @@ class StripedMesh:
 
     @cached_property
     def shares(self) -> Floats:
-        """Factor (n', 2) from half-widths to units of phase; 0 without a phase."""
+        """Factors (n', 2) that convert half-widths to units of phase; 0 where there is no phase."""
         if self.even is None:
             return np.ones((self.uncut.n, 2))
         return self.carry(self.even.slope / self.even.density) * self.even.chart.scale
@@ -102,8 +103,8 @@ class StripedMesh:
 
 @derived
 def distances(design: Design) -> tuple[Floats, Floats]:
-    """Return distances (n,) to loads and supports, and distances (n,) to the boundary, m. With drawn regions, the first
-    array has scaled distances to the regions."""
+    """Return distances (n,) to loads and supports, and distances (n,) to the boundary, m. If the preset has
+    solid regions or bands, the first array has scaled distances to these regions and bands."""
     surface, load, pattern = design.surface, design.load, design.preset.pattern
     reach = max(EXACT_REACH_SHARE * surface.size, pattern.keep, pattern.rim)
     to_held = distance_to_vertices(surface, load.supported | load.loaded, reach)
@@ -113,14 +114,15 @@ def distances(design: Design) -> tuple[Floats, Floats]:
 
 
 def _distances_outside(design: Design, to_held: Floats) -> Floats:
-    """Return rough distances (n,), m, to kept material; negative inside."""
+    """Return rough distances (n,), m, to regions that stay material; negative inside. to_held : distances (n,) to
+    loads and supports, m."""
     surface, pattern = design.surface, design.preset.pattern
     outside = np.where(np.isfinite(to_held) & (pattern.keep > 0), to_held - pattern.keep, surface.size)
     for field in design.pattern.fields[: pattern.drawn_regions]:
         x = field.at_vertices if isinstance(field, DividedField) else field
         assert isinstance(x, np.ndarray)
         if x.ndim == 1:
-            # vertices on the outline of a solid region (x = 0) count as outside, at a small distance
+            # vertices on a solid region's outline (x = 0) get a small positive distance, as outside
             region = np.where(x > 0, -surface.mean_edge, 1e-3 * surface.mean_edge)
             outside = np.where(x >= 0, np.minimum(outside, region), outside)
         else:
@@ -157,7 +159,7 @@ def needs_only_settings(drawn_preset: Preset, preset: Preset) -> bool:
         return False
     if new_pattern.method != "modes":
         return new_pattern.method == "stripes" and _without_reaches(old_pattern) == _without_reaches(new_pattern)
-    if new_pattern.width.widths(1.0).vary or new_pattern.auto:  # all settings can change the widths
+    if new_pattern.width.widths(1.0).vary or new_pattern.auto:  # widths may depend on any setting
         return False
     if new_pattern.major.spacing or new_pattern.minor.spacing:  # new frequencies must be computed from the spacing
         return False

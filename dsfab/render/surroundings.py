@@ -18,9 +18,9 @@ HEADROOM = 2.2  # smallest height (m) of a structure above a ground at height 0
 PLINTH = 0.012  # height of the lowest columns and walls, divided by the structure's size
 COLUMN_EXTENT = 0.08  # a support becomes a column if it is smaller in plan than this share of the structure's size
 LOW_SHARE = 0.25  # a support below this share of the structure's height is never an abutment
-STEEP = 0.2  # a structure hangs only from supports to which it rises more steeply than this (sine of the angle)
+STEEP = 0.2  # least slope (sine) of a structure towards a support from which the structure hangs
 UPRIGHT = 3.0  # an edge is upright if its height / its extent in plan is larger than this
-SOIL_SHARE = 0.5  # a slab lies on soil if its supported area / its whole area is larger
+SOIL_SHARE = 0.5  # a slab lies on soil if supported area / whole area is above this
 CORNERS, MOST_PARTS = 20, 40  # corners of a round column; largest number of columns or rods of a support
 ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # lengths / the structure's size
 HANGERS, COLUMNS = 0.05, 0.12  # spacings of rods, and of columns below an edge, divided by the structure's size
@@ -31,8 +31,7 @@ WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004  # widths, divided by the structur
 @dataclass(frozen=True, eq=False)
 class SupportPart:
     """A connected support of a surface, drawn as a part of a building. vertices : (k,) of the support.
-    edges    : (e, 2) edges of the support.
-    along    : (3,) unit vector from the structure into the part.
+    edges    : (e, 2) edges of the support.    along : (3,) unit vector from the structure into the part.
     outwards : (k, 3) horizontal unit vectors away from the structure; 0 for a part below the structure."""
 
     kind: PartKind
@@ -71,7 +70,7 @@ def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[Supp
 
 
 def _open_side(surface: Surface, load: LoadCase, groups: list[Ints], up: Floats) -> Floats | None:
-    """Return the horizontal direction (3,) to supports on one side; None for other supports."""
+    """Return the horizontal direction (3,) to the supports if they all lie on one side of the surface, else None."""
     side, heights = support_side(surface, load, surface.size, up), surface.V @ up
     low = heights.min() + LOW_SHARE * np.ptp(heights)
     return side if abs(side @ up) < 0.5 and all(heights[group].mean() >= low for group in groups) else None
@@ -84,7 +83,7 @@ def _upward_supports(load: LoadCase, up: Floats) -> Bools:
 
 
 def _from_free_neighbours(surface: Surface, supported: Bools) -> Floats:
-    """Return the mean unit vector (n, 3) to each supported vertex from its free neighbours."""
+    """Return the mean (n, 3) of the unit vectors from neighbours without support to each supported vertex."""
     ends = surface.edges.ends[supported[surface.edges.ends].sum(axis=1) == 1]
     ends = np.where(supported[ends[:, :1]], ends, ends[:, ::-1])
     sums = group_sums(ends[:, 0], unit_vectors(surface.V[ends[:, 0]] - surface.V[ends[:, 1]]), surface.n)
@@ -108,7 +107,7 @@ def support_part(surface: Surface, support: SupportPart, half: float, ground: fl
     """Return the mesh of a support, metres. ground : height of the ground, m.
     half : half of the structure's thickness, m."""
     size, along, among = surface.size, support.along, support.vertices
-    begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # the outer face's coordinate on `along`
+    begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # position of the sheet's outer face
     deepest, V = float(begin[among].max()), surface.V.copy()
     if support.kind == "hanger":
         return _prisms(

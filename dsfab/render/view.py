@@ -71,7 +71,7 @@ class ViewSide:
 
 
 def best_side(V: Floats, up: Floats) -> ViewSide:
-    """Return the view of vertices V (n, 3) from a little above, or the front view of a standing plate."""
+    """Return an oblique view of vertices V (n, 3) from above, or the front view of a standing plate."""
     if _is_plate(V) and abs(_normal(V) @ up) < 0.7:
         return _face_on(_normal(V), up)
     front, right = _plan_axes(V, up)
@@ -158,7 +158,7 @@ def fit_view(points: Floats, side: ViewSide, box: tuple[float, float, float, flo
 
 
 def plan_and_elevation(V: Floats, up: Floats) -> tuple[ViewSide, ViewSide]:
-    """Return views of vertices V (n, 3) from above and facing the long side."""
+    """Return two views of vertices V (n, 3): from above, and towards the long side."""
     across = np.eye(3)[{0: 1, 1: 0, 2: 0}[int(np.argmax(np.abs(up)))]]
     turns = np.radians(np.arange(90.0))
     rights = np.outer(np.cos(turns), across) + np.outer(np.sin(turns), np.cross(up, across))
@@ -173,7 +173,7 @@ FAR = 400.0  # distance of the eye in a parallel view, divided by the diagonal o
 
 
 def plane_extents(points: Floats, side: ViewSide) -> Floats:
-    """Return width and height (2,) of points (n, 3) in parallel projection, metres."""
+    """Return the width and height (2,), metres, of points (n, 3) in a parallel projection."""
     return np.asarray(np.ptp(points @ _picture_frame(side)[:2].T, axis=0))
 
 

@@ -47,13 +47,13 @@ class ContactTile:
         return f"{self.number:03}.png"
 
     def label(self, letters: int | None = None) -> str:
-        """Return the parameters as a line of text. letters : how many letters each word of a name keeps."""
+        """Return the parameters as a text line. letters : length of words in shortened names; None for full names."""
         names = (".".join(word[:letters] for word in name.split(".")) for name, _ in self.parameters)
         return "   ".join(f"{name} {text}" for name, (_, text) in zip(names, self.parameters, strict=True))
 
 
 def column_count(count: int, runs: Sequence[int]) -> int:
-    """Return how many of `count` tiles stand in a row. runs : number of values of each key."""
+    """Return the number of tiles in a row, for `count` tiles. runs : number of values of each varied preset key."""
     row, columns_of_runs = 1, 1
     for run in reversed(runs[1:]):
         row *= run
@@ -163,7 +163,7 @@ def _figure(tile: ContactTile) -> str:
 
 
 def pictures_on_page(folder: Path) -> set[str]:
-    """Return the names of the pictures on a folder's page."""
+    """Return the file names of the pictures in the index.html of a folder."""
     try:
         return set(re.findall(r'src="(\d{3,}\.png)"', (folder / PAGE_NAME).read_text(encoding="utf-8")))
     except (OSError, UnicodeDecodeError):
@@ -196,19 +196,20 @@ before it is cut: pieces that reach no support may still be there, and the thick
 
 
 def check_film(values: Values, fps: float) -> None:
-    """Raise DsfabError unless exactly one key has several values and `fps` is possible."""
+    """Raise DsfabError unless exactly one preset key has several values, and `fps` is between 0.1 and 50."""
     several = [key for key, listed in values.items() if len(listed) > 1]
     if len(several) != 1:
         raise DsfabError(
-            f"--animate needs one key with several values, but {len(several)} keys have several"
+            f"--animate needs exactly one key with several values, but {len(several)} keys have several values"
             + (f" ({', '.join(several)}); give a single value to all keys except one" if several else "")
         )
     if not 0.1 <= fps <= 50:
-        raise DsfabError(f"--fps {fps:g} is not between 0.1 and 50 pictures a second; write for instance 8")
+        raise DsfabError(f"--fps {fps:g} is not between 0.1 and 50 pictures per second; write for instance --fps 8")
 
 
 def write_film(tiles: Sequence[ContactTile], path: Path, name: str, fps: float, palette: Palette) -> None:
-    """Write all tiles with a picture as a film. name : text in the lower right."""
+    """Write a film, forward and backward, of the tiles with a picture.
+    name : text in the lower right.    fps : pictures a second."""
     frames = [_frame(shown, tile.label(), name, palette) for tile in tiles if (shown := tile.picture) is not None]
     order = [*range(len(frames)), *range(len(frames) - 2, 0, -1)]
     ends = {0, len(frames) - 1}

@@ -66,7 +66,7 @@ def html_page(title: str, body: str, page_rules: str = "") -> str:
 
 
 def image_tag(source: str, alt: str, size: tuple[int, int], lazy: bool = True) -> str:
-    """Return an image tag; `size` is in pixels, `alt` is plain text."""
+    """Return an HTML image tag. size : width and height, pixels.    alt : plain text in place of the image."""
     wide, high = size
     loading = ' loading="lazy"' if lazy else ""
     return f'<img src="{source}" alt="{escape(alt, quote=True)}" width="{wide}" height="{high}"{loading}>'
@@ -104,7 +104,7 @@ class Code:
 
 @dataclass(frozen=True)
 class Banner:
-    """A verdict in large type. status : `pass`, `fail` or `unknown`."""
+    """A box with a verdict in large type. status : `pass`, `fail` or `unknown`."""
 
     status: str
     title: str
@@ -128,7 +128,7 @@ class Table:
 
 @dataclass(frozen=True)
 class ColourScale:
-    """A legend of colour bands."""
+    """A legend of colour bands. labels : texts at the limits of the bands."""
 
     title: str
     colours: Sequence[PageColour]

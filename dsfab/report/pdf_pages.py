@@ -83,7 +83,7 @@ class PdfStyles:
 
 
 def fonts(text: str) -> tuple[str, str, str]:
-    """Return the names of the regular, bold and monospaced font for a text."""
+    """Return the names of a regular, a bold and a monospaced font that have all letters of a text."""
     try:
         text.encode("cp1252")
     except UnicodeEncodeError:

@@ -52,7 +52,7 @@ def require_view(name: str) -> None:
 
 @dataclass(frozen=True)
 class SheetDrawer:
-    """Tool that draws a design's cut sheet as PNG; it can be pickled. size : pixels.    view : as in `dsfab preview`.
+    """Drawer of a design's cut sheet as PNG; can be pickled. size : pixels.    view : name, as in `dsfab preview`.
     Raises DsfabError for an unknown view, or if this machine cannot draw."""
 
     size: tuple[int, int]
@@ -84,20 +84,20 @@ class SheetDrawer:
 
 
 USUAL = (("compliance", "compliance_quick", "displacement"), ("mass", "sheet_mass", "kept_share", "area"))
-"""Usual metrics of the two axes of a sweep's chart, in order of preference: of stiffness, then of weight."""
+"""Usual metrics of a sweep's chart: first metrics of stiffness, then of weight. Earlier names are preferred."""
 
 PAGE = "index.html"
 
 
 def first_metric(plan: Plan) -> str:
-    """Return the metric that ranks the runs."""
+    """Return the name of the metric that ranks the runs."""
     if plan.search is not None:
         return plan.search.metric
     return next((name for name in USUAL[0] if name in plan.measured_metrics), plan.measured_metrics[0])
 
 
 def second_metric(plan: Plan) -> str:
-    """Return the metric on the second axis of a sweep's chart."""
+    """Return the name of the metric on the second axis of a sweep's chart."""
     metric, measured = first_metric(plan), plan.measured_metrics
     candidates = [name for name in measured if name != metric]
     return next((name for name in USUAL[1] if name in candidates), candidates[0] if candidates else metric)
@@ -110,7 +110,7 @@ class SweepPages:
         self._folder, self._written = folder, time.monotonic()
 
     def write_if_old(self) -> None:
-        """Write index.html if half a minute has passed since the last time."""
+        """Write index.html if 30 seconds have passed since it was last written."""
         if time.monotonic() - self._written > 30:
             self._write_page(self._folder.rows())
             self._written = time.monotonic()
@@ -137,7 +137,7 @@ def _contact_sheet(folder: SweepFolder, rows: list[RunRow]) -> "Image":
     if len(shown) > limit:
         chosen = {row.number for row in best(rows, first_metric(plan), plan.limits)[:limit]}
         shown = [row for row in shown if row.number in chosen]
-        subject = f"the best {len(shown)} of {len(rows)} runs by {first_metric(plan)}"
+        subject = f"the best {len(shown)} of {len(rows)} runs, in the order of {first_metric(plan)}"
     tiles = [_tile(folder.path, row, first_metric(plan)) for row in shown]
     is_grid = plan.sampling == "grid" and plan.search is None
     column_number = column_count(len(tiles), [len(axis.grid_changes()) for axis in plan.axes] if is_grid else [])
@@ -196,13 +196,13 @@ def loss_sentence(folder: SweepFolder) -> str:
     try:
         alternatives = design_alternatives(draft(with_overrides(folder.preset, row.changes)))
     except DsfabError:
-        return ""  # the best run's record has the reason for the error
+        return ""  # the record of the best run shows the reason
     losing_words = losing_line(alternatives)
-    return sentence(f"the best is run {row.number}, and {losing_words}") if losing_words else ""
+    return sentence(f"the best run is run {row.number}, and {losing_words}") if losing_words else ""
 
 
 def missing_runs_line(folder: SweepFolder) -> str:
-    """Return a text line: how many runs have no result; '' if no run is missing."""
+    """Return a line of text with the number of runs without a result; '' if all runs have results."""
     rows = folder.rows()
     killed = [row.number for row in rows if row.state == "killed"]
     missing = len(killed) + sum(row.state in ("waiting", "running") for row in rows)
@@ -215,7 +215,7 @@ def missing_runs_line(folder: SweepFolder) -> str:
 
 def sweep_page(folder: SweepFolder, rows: Sequence[RunRow], y_metric: str, x_metric: str) -> str:
     """Return the text of index.html.
-    y_metric, x_metric : metrics that the chart shows first."""
+    y_metric, x_metric : metrics on the chart's axes when the page opens."""
     facts = _page_facts(folder, rows, y_metric, x_metric)
     text = json.dumps(facts, ensure_ascii=False, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     template = files("dsfab.report").joinpath("sweep_page.html").read_text(encoding="utf-8")

@@ -1,1 +1,1 @@
-"""The paper's figures and claims, made again on one page."""
+"""The figures and claims of the paper (Madan et al.), computed again and shown on a page."""

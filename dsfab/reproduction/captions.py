@@ -25,7 +25,7 @@ class Web:
 
     @property
     def is_web(self) -> bool:
-        """True if enough rings are crossed by enough spokes."""
+        """True if at least `RINGS` rings are each crossed by at least `SPOKES` lines of the other family."""
         return sum(count >= SPOKES for count in self.crossed) >= RINGS
 
     @property
@@ -42,13 +42,14 @@ class Web:
             return "no web here, because no line of either family forms a closed ring around the load"
         counted = f"{len(self.crossed)} ring{'s' * (len(self.crossed) > 1)} of the {self.family} family"
         return (
-            f"no web here, because {len(rings)} of {counted} around the load {'is' if len(rings) == 1 else 'are'} "
-            f"crossed by {SPOKES} spokes or more ({', '.join(map(str, self.crossed))}); a web has {RINGS} or more"
+            f"no web here, because {len(rings)} of {counted} around the load "
+            f"{'is' if len(rings) == 1 else 'are'} crossed by {SPOKES} spokes or more (spokes of each ring: "
+            f"{', '.join(map(str, self.crossed))}); a web has at least {RINGS} of these rings"
         )
 
 
 def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
-    """Return the rings around a load.
+    """Return the closed rings of stripes around a load.
     phases : (n, 2) phases of the major and the minor family; a whole number at the middle of each member.
     load, supported : (n,) True for vertices under the load, and for vertices at supports."""
     webs = []
@@ -62,7 +63,7 @@ def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
 
 
 def links(surface: Surface, phases: Floats, start: Bools, end: Bools) -> tuple[int, int]:
-    """Return how many major and how many minor members connect the marked vertices `start`, `end` (n,)."""
+    """Return the numbers of major and minor members that connect vertices `start` (n,) with vertices `end` (n,)."""
     counts = [0, 0]
     for k, z in enumerate(phases.T):
         for level in _levels(z):
@@ -73,14 +74,14 @@ def links(surface: Surface, phases: Floats, start: Bools, end: Bools) -> tuple[i
 
 
 def design_phases(design: Design) -> Floats:
-    """Return phases (n, 2) of major and minor stripes along modes."""
+    """Return phases (n, 2) of major and minor stripes from diffusion modes: mode * frequency + phase."""
     pattern, modes = design.pattern, (design.diffusion.major, design.diffusion.minor)
     x = np.stack([family.mode(number) for family, number in zip(modes, pattern.mode, strict=True)], axis=1)
     return np.asarray(x * np.array(pattern.frequency) + np.array(pattern.phase))
 
 
 def loaded_patches(surface: Surface, loaded: Bools) -> list[Bools]:
-    """Return masks (n,) of the connected parts of the loaded vertices, the largest part first."""
+    """Return a mask (n,) for each connected group of loaded vertices, the largest group first."""
     a, b = surface.edges.ends.T
     is_loaded = loaded[a] & loaded[b]
     label = _labels(a[is_loaded], b[is_loaded], surface.n)
@@ -97,7 +98,8 @@ def _labels(a: Ints, b: Ints, n: int) -> Ints:
 
 
 def _disc_around(surface: Surface, z: Floats, level: int, load: Bools, supported: Bools) -> Bools | None:
-    """Return a mask (n,) of the surface around the load, inside the contour z = `level`, or None."""
+    """Return a mask (n,) of the vertices around the load inside the contour z = `level`.
+    Returns None unless the contour encloses a disc with the whole load and no support."""
     a, b = surface.edges.ends.T
     above = z >= level
     same_side = above[a] == above[b]
@@ -154,7 +156,7 @@ ANGLE, EVENNESS = 60.0, 3.0  # limits for a grid: least crossing angle, degrees;
 
 
 def finding(claim: str, rendition: Rendition) -> str:
-    """Return a clause that says if dsfab's figure shows the paper's claim; or ''."""
+    """Return a clause on whether dsfab's figure shows the paper's claim (web, beam, grid); '' without a claim."""
     if not claim or rendition.design is None:
         return ""
     if claim == "grid":
@@ -174,14 +176,23 @@ def _beam_finding(design: Design, phases: Floats, loads: list[Bools], between: b
     counts = links(surface, phases, nearby(surface, start), nearby(surface, end))
     origin, goal = ("one load", "the other") if between else ("the load", "the supports")
     if not any(counts):
-        return f"no beam here, because no line of either family runs unbroken from {origin} to {goal}"
+        return f"no beam here, because no line of either family runs without a break from {origin} to {goal}"
     name = "a beam" if sum(counts) == 1 else "beams"
-    return f"{name}: {counts[0]} major and {counts[1]} minor lines run unbroken from {origin} to {goal}"
+    return (
+        f"{name}: {counts[0]} lines of the major family and {counts[1]} lines of the minor family run without a break "
+        f"from {origin} to {goal}"
+    )
 
 
 def _grid_finding(rendition: Rendition) -> str:
-    text = f"members cross at {rendition.crossing:.0f} degrees or more, and P95 / P5 of the distances of members is "
+    text = (
+        f"members cross at {rendition.crossing:.0f} degrees or more, and the ratio P95 / P5 of the distances between "
+        f"members is "
+    )
     text += f"{rendition.evenness:.3g}"
     if rendition.crossing >= ANGLE and rendition.evenness <= EVENNESS:
         return f"a grid: {text}"
-    return f"no even grid here, because {text} (a grid has {ANGLE:g} degrees or more, and a ratio up to {EVENNESS:g})"
+    return (
+        f"no even grid here, because {text} (in a grid, this angle is {ANGLE:g} degrees or more, and this "
+        f"ratio is up to {EVENNESS:g})"
+    )

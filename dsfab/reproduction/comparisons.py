@@ -26,7 +26,8 @@ from dsfab.study.baselines.structures import mode_like_field
 
 
 def earlier_work_comparison(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:
-    """Compare a design with stripes and lines by two earlier methods. shown : existing pictures by file name."""
+    """Compare a design with two earlier methods: stripes of an integrated field, and traced lines.
+    shown : existing pictures by file name."""
     name = design.preset.name
     integrated, lines = integrated_design(design), traced_lines(design)
     rows = []
@@ -37,13 +38,13 @@ def earlier_work_comparison(design: Design, folder: Path, shown: Mapping[str, Pa
     rows.append(tuple(cell for cell in (crosses, _lines_picture(design, folder, lines)) if cell))
     all_lines = [*lines[0], *lines[1]]
     words = (
-        "Earlier methods choose a direction on every face and integrate one field over all of them, or trace lines one "
-        "after another. Around some points, no choice of directions is consistent on all faces. Diffusion makes no "
-        "choice, and Madan et al. say that their stripes are more regular around these points. "
+        "Earlier methods choose a direction on every face and integrate one field over all faces, or they trace lines "
+        "one after another. Around some points, no choice of directions is consistent on all faces. Diffusion needs "
+        "no such choice, and Madan et al. say that their stripes are more regular around these points. "
         f"{_measures_text(design, integrated)}"
-        f"{len(all_lines)} lines were traced, as dense as the stripes. {sum(line.loose for line in all_lines)} of "
-        "the lines' ends lie "
-        "inside the surface, because they came too near to another line or to a place without a clear direction."
+        f"{len(all_lines)} lines were traced, as dense as the stripes. {sum(line.loose for line in all_lines)} ends "
+        f"of these lines lie inside the surface, because the line came too near to another line or to a place without "
+        f"a clear direction."
     )
     return PaperComparison("Beside earlier work", words, tuple(rows))
 
@@ -76,8 +77,9 @@ def _measures_text(design: Design, integrated: Design) -> str:
         return f"Nothing can be measured ({error}). "
     better = sum(a < b for a, b in zip(_quality_numbers(quality), _quality_numbers(rival), strict=True))
     return (
-        f"Measured on stripes by diffusion: {_quality_text(quality)}. On integrated stripes: {_quality_text(rival)}. "
-        f"Diffusion is better in {better} of these {len(_quality_numbers(quality))} numbers. "
+        f"Measures of the stripes from diffusion: {_quality_text(quality)}. Measures of the integrated stripes: "
+        f"{_quality_text(rival)}. Stripes from diffusion are better in {better} of these "
+        f"{len(_quality_numbers(quality))} measures. "
     )
 
 
@@ -94,8 +96,8 @@ def _quality_numbers(quality: PatternQuality) -> tuple[float, ...]:
 def _quality_text(quality: PatternQuality) -> str:
     major, minor = quality.major, quality.minor
     return (
-        f"major members are {major.deviation:.0f} and minor members {minor.deviation:.0f} degrees off the stress on "
-        f"average; they cross at {quality.crossing_angle:.0f} degrees or more; P95/P5 of the spacing is "
+        f"on average, the angle between members and stress is {major.deviation:.0f} (major) and {minor.deviation:.0f} "
+        f"(minor) degrees; members cross at {quality.crossing_angle:.0f} degrees or more; P95/P5 of the spacing is "
         f"{major.evenness:.1f} "
         f"(major) and {minor.evenness:.1f} (minor); {quality.dead_ends} dead ends"
     )
@@ -112,7 +114,7 @@ PAPER = 37  # Frames a second in the pattern editor of Madan, Jacobson and Levin
 
 
 def editing_comparison(design: Design, folder: Path) -> PaperComparison:
-    """Draw the pattern of a design with the settings `CHANGES`; count frames a second while the frequency changes."""
+    """Draw a pattern with the settings `CHANGES`; measure pictures per second while the stripe frequency changes."""
     title = "Frequency and thickness, edited"
     try:
         with previewer_of(design) as previewer:
@@ -132,16 +134,17 @@ def editing_comparison(design: Design, folder: Path) -> PaperComparison:
     except DsfabError as error:
         return PaperComparison(title, f"Nothing can be drawn: {error}.", ())
     words = (
-        "A slider changes a few numbers of the pattern, and nothing is solved again. Measured: "
-        f"{rate:.3g} complete pictures a second, of {drawing.LARGE[0]} by {drawing.LARGE[1]} pixels and "
-        f"{design.surface.m:,} triangles, by {renderer}. The paper reports {PAPER} a second, on a graphics card. "
+        "A slider changes a few numbers of the pattern, and dsfab solves no equations again. Measured: "
+        f"{rate:.3g} complete pictures per second, of {drawing.LARGE[0]} by {drawing.LARGE[1]} pixels and "
+        f"{design.surface.m:,} triangles, drawn by {renderer}. The paper reports {PAPER} pictures per second, on a "
+        f"graphics card. "
         "`dsfab edit bob` opens the editor, and `dsfab bench --preview` measures more sizes on your machine."
     )
     return PaperComparison(title, words, (tuple(row),))
 
 
 def frames_a_second(change: Callable[[int], None], frames: int = 24) -> float:
-    """Return the frames a second (median) of `change`, which draws a frame."""
+    """Return the median number of frames per second. change : function that draws a frame."""
     taken = list[float]()
     for number in range(frames):
         begin = time.perf_counter()
@@ -154,7 +157,8 @@ RATIOS = (1.0, 10.0, 100.0)  # Values of the anisotropy r in the comparison.
 
 
 def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> list[PaperComparison]:
-    """Return comparisons from the paper (Madan et al.), made with a design. shown : existing pictures by file name."""
+    """Return the comparisons in the paper (Madan et al.) that belong to a design's preset.
+    shown : existing pictures by file name."""
     name = design.preset.name
     if name == "hanging_bar":
         return [_michell_comparison(design, shown), _anisotropy_comparison(design, folder)]
@@ -173,17 +177,18 @@ def _michell_comparison(design: Design, shown: Mapping[str, PaperPicture]) -> Pa
     name = design.preset.name
     rows = (("directions", "structure"), ("major-mode", "major"), ("minor-mode", "minor"))
     pictures = (tuple(shown[file] for show in row if (file := f"{name}-{show}.webp") in shown) for row in rows)
-    measured_text = "the pattern cannot be cut"
+    measured_text = "dsfab cannot cut this pattern, so nothing was measured"
     with suppress(DsfabError):
         quality = design.quality(symmetry=False)
         measured_text = (
-            f"members are {quality.deviation:.1f} degrees off the principal directions (the larger average of both "
-            f"families), and cross at {quality.crossing_angle:.0f} degrees or more"
+            f"the mean angle between members and principal directions is {quality.deviation:.1f} degrees (the larger "
+            f"value of both families), and members cross at {quality.crossing_angle:.0f} degrees or more"
         )
     words = (
         "In the stiffest frame of a given mass, members lie along principal directions of the stress, and cross at "
-        "right angles [Michell 1904]. Stripes run across the gradient of their mode. So stripes form this frame if "
-        f"gradients follow the principal directions. Here {measured_text}."
+        "right angles [Michell 1904]. Stripes run perpendicular to the gradient of their mode. So stripes form this "
+        "frame if "
+        f"gradients follow the principal directions. For this figure, {measured_text}."
     )
     return PaperComparison("Towards the Michell truss", words, tuple(pictures))
 
@@ -217,6 +222,7 @@ def _von_mises_comparison(design: Design, folder: Path, shown: Mapping[str, Pape
     rows = tuple(tuple(cell for column in columns if (cell := column[i])) for i in range(2))
     words = (
         "These stripes of the same frequency follow the von Mises stress, a single field. Away from the poles this "
-        "field hardly changes, so it has few stripes. The families of diffusion give rings and meridians everywhere."
+        "field hardly changes, so there are few stripes. The two families of stripes from diffusion give rings and "
+        "meridians everywhere."
     )
     return PaperComparison("Why not stripes along the von Mises stress?", words, rows)

@@ -23,7 +23,7 @@ VIEWS = {
     "mouse": "40,40",
     "boys_surface": "30,25",
 }
-"""Views of figures whose default view hides their subject; see `dsfab.render.view`."""
+"""Camera views (see `dsfab.render.view`) of figures, by preset. The default view would hide their subjects."""
 
 MARKS = ("loads", "supports", "person", "gradients")  # Marks in the pictures; "gradients" appear only with modes.
 SCALE = {"pavilion": "tree"}  # Figures that show a tree for scale instead of a person, as the published figures do.
@@ -44,7 +44,7 @@ class PaperPicture:
 
 @dataclass(frozen=True, eq=False)
 class PaperComparison:
-    """A comparison from the paper of Madan, Jacobson and Levin."""
+    """A comparison from the paper of Madan, Jacobson and Levin. words : text. rows : rows of pictures."""
 
     title: str
     words: str
@@ -52,7 +52,7 @@ class PaperComparison:
 
 
 def paper_picture(design: Design, folder: Path, show: str, stem: str, title: str = "") -> PaperPicture:
-    """Draw a design into the file `stem`-`show`.webp. show : subject, such as 'loads'."""
+    """Draw a design into the file `stem`-`show`.webp. show : subject of the picture, such as 'loads'."""
     size = LARGE if show == "structure" and not title else SMALL
     title = title or _title(design, show)
     file = f"{stem}-{show.replace('_', '-')}.webp"

@@ -1,4 +1,4 @@
-"""Earlier methods: stripes of one field, and lines along principal stresses."""
+"""Earlier methods: stripes of an integrated field, and lines traced along principal stresses."""
 
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -19,7 +19,8 @@ from dsfab.surface import Surface, hat_gradients
 
 class DrawnFamily(NamedTuple):
     """A family of stripes along level lines of a diffusion mode.
-    D : (m, 3, 3) diffusion tensors.    mode : (n,) values.    frequency : stripes per unit of these values."""
+    D : (m, 3, 3) diffusion tensors.    number : number of the mode.    mode : (n,) values of the mode at vertices.
+    frequency : number of stripes per unit of the mode."""
 
     D: Floats
     number: int
@@ -28,7 +29,7 @@ class DrawnFamily(NamedTuple):
 
 
 def drawn_families(design: Design) -> tuple[DrawnFamily, DrawnFamily]:
-    """Return the major and the minor family of stripes, for a preset with numbers of modes."""
+    """Return the major and the minor family of stripes. The preset must give each mode as a number, not `auto`."""
     diffusion, pattern = design.diffusion, design.preset.pattern
     major, minor = (
         DrawnFamily(D, number := int(family.mode), modes.mode(number), family.frequency)
@@ -41,7 +42,7 @@ def drawn_families(design: Design) -> tuple[DrawnFamily, DrawnFamily]:
 
 
 def integrated_design(design: Design) -> Design:
-    """Return a design with stripes along `integrated_field` instead of modes."""
+    """Return a design with stripes of `integrated_field` in place of diffusion modes."""
     surface, tensors, modes = design.surface, design.diffusion.tensors, []
     for family in drawn_families(design):
         field = integrated_field(surface, weakest_directions(family.D), ~tensors.isotropic)
@@ -62,19 +63,19 @@ def weakest_directions(D: Floats) -> Floats:
 
 
 def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Floats:
-    """Return the field u (n,), m, with gradients along given directions, by least squares.
+    """Return the field u (n,), m, with gradients nearest to given unit directions (least squares).
     direction : (m, 3) unit vectors, up to sign.    clear : (m,) True for faces with a direction."""
     target = consistent_directions(surface, direction) * clear[:, None]
     pull = np.einsum("mik,mk->mi", hat_gradients(surface), target) * surface.areas[:, None]
     K = diffusion_operator(surface, np.broadcast_to(np.eye(3), (surface.m, 3, 3)))
-    # without this weak spring, K is singular: u may have any constant on each connected piece
+    # without this weak spring, K is singular: a constant may be added to u on each piece
     K = csr_array(K + 1e-9 * K.diagonal().mean() * eye_array(surface.n))
     b: Floats = np.bincount(surface.F.ravel(), pull.ravel(), minlength=surface.n).astype(np.float64)
     return np.asarray(factorise(K, surface.V)(b))
 
 
 def consistent_directions(surface: Surface, direction: Floats) -> Floats:
-    """Return directions (m, 3) of faces, some reversed, so that neighbouring directions agree."""
+    """Return directions (m, 3) of faces. Some are reversed, so that directions of neighbouring faces agree."""
     i, j = surface.edges.pairs.T // 3
     dot = np.einsum("ek,ek->e", direction[i], direction[j])
     turn = coo_array((1.0 + 1e-6 - np.abs(dot), (i, j)), shape=(surface.m, surface.m)).tocsr()
@@ -90,7 +91,7 @@ def consistent_directions(surface: Surface, direction: Floats) -> Floats:
 
 
 def typical_slope(surface: Surface, value: Floats) -> float:
-    """Return the median length of the gradient of values (n,), per metre."""
+    """Return the area-weighted median of the gradient's length, 1/m. value : (n,) field at vertices."""
     slope = np.linalg.norm(np.einsum("mik,mi->mk", hat_gradients(surface), value[surface.F]), axis=1)
     return quantile(slope, surface.areas, 0.5)
 
@@ -103,7 +104,7 @@ End = Literal["boundary", "inside", "round"]
 class StressLine:
     """A line along a principal stress.
     points : (k, 3) in order, m. A closed line repeats the first point at the end.
-    faces  : (k - 1,) face of each segment.    loose : number of ends inside the surface."""
+    faces  : (k - 1,) face of each segment.    loose : number of ends away from the boundary."""
 
     points: Floats
     faces: tuple[int, ...]
@@ -116,7 +117,7 @@ class StressLine:
 
 
 def traced_lines(design: Design) -> tuple[list[StressLine], list[StressLine]]:
-    """Return the traced lines of the major and of the minor family."""
+    """Return lines traced along the principal stresses, for the major and the minor family."""
     surface, clear = design.surface, ~design.diffusion.tensors.isotropic
     major, minor = (
         stress_lines(
@@ -169,7 +170,7 @@ class _Walk:
             runs.append(runs[-1] + float(np.linalg.norm(p - points[-1])))
             points.append(p)
             faces.append(face)
-            # points within the last 3 x `apart` of the line do not count: they are always near p
+            # ignore the last 3 x `apart` of the line, because its points are always near p
             passed = int(np.searchsorted(runs, runs[-1] - 3 * self.apart))
             if (back := self._return_index(points[:passed], p)) is not None:
                 came = back * 2 < passed
@@ -180,7 +181,7 @@ class _Walk:
             if not self.clear[face := entered // 3] or self._is_near(p):
                 break
             turned = self.direction[face] * np.sign(self.direction[face] @ t)
-            if turned @ t < 0.5:  # end the line where directions turn by over 60 degrees: they are not reliable there
+            if turned @ t < 0.5:  # stop at turns over 60 degrees, because directions are unreliable there
                 break
             t = turned
         return points, faces, "inside"
@@ -209,8 +210,8 @@ class _Walk:
 
 
 def ribbons(surface: Surface, lines: list[StressLine], width: float, lift: float) -> tuple[Floats, Ints]:
-    """Return lines as flat bands above the surface: vertices (n, 3), metres, and faces (m, 3).
-    lift : height of the bands, metres."""
+    """Return a mesh of flat ribbons along lines: vertices (n, 3), metres, and faces (m, 3).
+    width : of a ribbon, metres.    lift : height of the ribbons above the surface, metres."""
     V, F, count = [], [], 0
     for line in lines:
         normal = surface.normals[[*line.faces, line.faces[-1]]]

@@ -18,16 +18,17 @@ from dsfab.reproduction.renditions import Rendition, renditions
 from dsfab.results import Piece
 
 STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode", "minor")
-"""Pictures of a figure in the order of the method; the picture of the final structure is not among them."""
+"""Names of pictures of a figure, in the order of the computation, without the picture of the final structure."""
 
 RUNS = 3  # Number of runs; the page reports their median seconds.
 RENDITION_TITLES = {"letter": "Exactly as in the paper", "preset": "The preset", "stripes": "dsfab's stripes"}
-"""Titles of the three renditions of a figure."""
+"""Titles of the three versions (renditions) of a figure."""
 
 
 @dataclass(frozen=True, eq=False)
 class RenditionPicture:
-    """A version of a figure, and its picture. edge : edge length of its mesh, m; 0 without a design."""
+    """A version of a figure, and its picture. found : clause on the paper's claim, or ''.
+    edge : edge length of the mesh, m; 0 without a design."""
 
     rendition: Rendition
     picture: PaperPicture
@@ -39,7 +40,7 @@ class RenditionPicture:
 class FigurePictures:
     """A figure of the paper, computed by dsfab. error : reason for a failure, or ''.
     seconds : processor seconds by step.    carried : text on how the loads reach the supports.
-    coarser : edge length of the mesh / edge length in the preset."""
+    coarser : edge length of the mesh / edge length in the preset.    ways : three versions of the figure."""
 
     figure: PaperFigure
     vertices: int = 0
@@ -60,7 +61,7 @@ class FigurePictures:
 
 
 def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> FigurePictures:
-    """Make a figure and write its pictures into `folder`; an error becomes part of the result.
+    """Compute a figure, and write its pictures into `folder`. The result contains the text of a DsfabError.
     coarser : wanted edge length / preset's edge length."""
     try:
         design, coarser = coarsened_draft(load_preset(figure.preset), coarser)
@@ -76,7 +77,7 @@ def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> Figu
 
 
 def processor_seconds(design: Design) -> dict[str, float]:
-    """Return median processor seconds by columns of Table 2 (Madan et al.)."""
+    """Return the median processor seconds of each step up to diffusion, by name of the step."""
     runs = []
     for _ in range(RUNS):
         log = Log(None, clock=time.process_time)
@@ -86,8 +87,8 @@ def processor_seconds(design: Design) -> dict[str, float]:
 
 
 def coarsened_draft(preset: Preset, coarser: float) -> tuple[Design, float]:
-    """Return a design up to its pattern, with mesh edges up to `coarser` times as long, and the used factor.
-    Raises DsfabError if factor 1 also fails."""
+    """Return a design up to its pattern, on a mesh with edges up to `coarser` times as long, and the factor used.
+    Raises SurfaceError if the mesh also fails with factor 1."""
     edge = preset.surface.model_dump()["edge"]
     while True:
         try:
@@ -118,7 +119,7 @@ def _load_transfer(rendition: Rendition) -> tuple[str, tuple[str, ...]]:
         return f"it cannot be built: {rendition.refused}", ()
     slicing, notes = rendition.design.slicing, rendition.design.notes
     share = slicing.sheet.surface.area / rendition.design.surface.area
-    text = f"{share:.0%} of the surface is kept, in {_count(len(slicing.pieces))}; {supports_text(slicing.pieces)}"
+    text = f"{share:.0%} of the surface is material, in {_count(len(slicing.pieces))}; {supports_text(slicing.pieces)}"
     return text, tuple(f"{note.stage}: {note.text}" for note in notes)
 
 
@@ -138,4 +139,4 @@ def supports_text(pieces: Sequence[Piece]) -> str:
     lost = sum(not piece.held for piece in loaded)
     if lost:
         return f"{lost} of {len(loaded)} pieces that carry a load {'reaches' if lost == 1 else 'reach'} no support"
-    return f"the loads reach the supports through {_count(len(loaded))}"
+    return f"all loads reach the supports through {_count(len(loaded))}"

@@ -1,4 +1,4 @@
-"""HTML page of `dsfab reproduce`."""
+"""The HTML page of `dsfab reproduce`."""
 
 import base64
 import io
@@ -23,11 +23,11 @@ from dsfab.reproduction.volumes import RIVALS
 Row = Mapping[str, Any]  # Row of sphere_volumes.json.
 OURS = ("row", "design", "stripes")
 OTHERS = (("isotropic", "the best isotropic stripes"), ("thinner", "a thinner sheet"))
-"""Diffusion structures (`OURS`), and their competitors (`OTHERS`), whose stiffness the HTML page compares."""
+"""Diffusion structures (`OURS`) and their competitors (`OTHERS`). The HTML page compares their stiffness."""
 
 
 def claim_section(rows: Sequence[Row]) -> str:
-    """Return HTML about the compliance of the sphere at several masses; '' without rows."""
+    """Return HTML on the compliance of the sphere at several masses; '' without rows."""
     if not rows:
         return ""
     row_by_key = {(row["name"], row["volume"]): row for row in rows}
@@ -52,7 +52,8 @@ def claim_section(rows: Sequence[Row]) -> str:
 
 
 def stiffness_ratio(own_row: Row | None, rival: Row | None) -> tuple[float, float, float] | None:
-    """Return a design's stiffness / a rival's stiffness, with lower and upper bound, or None."""
+    """Return a design's stiffness / a rival's stiffness, and its lower and upper bound.
+    Returns None if a compliance is unknown."""
     if not own_row or not rival or not own_row["compliance_J"] or not rival["compliance_J"]:
         return None
     ratio = rival["compliance_J"] / own_row["compliance_J"]
@@ -89,11 +90,11 @@ def _verdict_text(rows: Sequence[Row]) -> str:
     judged = [row for row in rows if row["compliance_J"]]
     sure = [row for row in judged if row["verdict"] == "pass"]
     if not sure:
-        return "Every number is from one solve on the cut mesh; no number was checked on finer meshes."
+        return "Every number comes from one solve on the cut mesh; no number was checked on finer meshes."
     lowest, highest = (f"{100 * end(row['bound'] for row in sure):.1f}" for end in (min, max))
     text = (
         f"{len(sure)} of {len(judged)} numbers converge on finer and finer meshes, with error bounds of {lowest} to "
-        f"{highest} %. All numbers hold for thin sheets."
+        f"{highest} %. All numbers are computed for thin sheets."
     )
     open_ones = [f"{RIVALS[row['name']]} at {row['volume']:.0%}" for row in judged if row["verdict"] != "pass"]
     return text + (f" Without a verdict, in italics: {', '.join(open_ones)}." if open_ones else "")
@@ -105,14 +106,20 @@ COLUMNS = (
     ("loads carried", "share of the loads that stand on pieces which reach a support"),
     ("over the uncut sheet", "compliance / compliance of the uncut sheet, by one solve each; error up to 15 %"),
     ("over a thinner sheet", "compliance / compliance of an equally heavy uncut sheet; above 1, the design is softer"),
-    ("off the stress", "mean angle between members and principal directions, degrees; the larger of both families"),
-    ("P95 / P5 spacing", "large / small distance of members; 1 for even spacing; the larger value of both families"),
+    (
+        "off the stress",
+        "mean angle between members and principal directions, degrees; the larger value of both families",
+    ),
+    (
+        "P95 / P5 spacing",
+        "large / small distance between members (1 for even spacing); the larger value of both families",
+    ),
 )
 """Columns of the table of measures, with their meaning."""
 
 
 def rendition_section(pictures: FigurePictures, coarser: float) -> str:
-    """Return HTML that compares the versions of a figure. coarser : factor on the mesh edges."""
+    """Return HTML that compares the versions of a figure. coarser : factor on the lengths of mesh edges."""
     if not pictures.ways:
         return ""
     name = pictures.figure.preset
@@ -165,7 +172,11 @@ def _built(pictures: FigurePictures) -> str:
     lines = []
     for entry in pictures.ways:
         rendition = entry.rendition
-        text = rendition.refused or "; ".join(rendition.departures) or "all as in the paper except the scale of modes"
+        text = (
+            rendition.refused
+            or "; ".join(rendition.departures)
+            or "made as in the paper, except for the scale of the modes"
+        )
         text += f"; not carried: {rendition.uncarried}" if rendition.uncarried else ""
         mesh = f" --set surface.edge={entry.edge:.6g}" if pictures.coarser != 1 and entry.edge else ""
         lines.append(
@@ -210,7 +221,7 @@ PARAMETERS = (
 
 @dataclass(frozen=True)
 class PageFacts:
-    """Facts about a page. coarser : factor on the mesh edges.    load : how busy the machine was."""
+    """Facts about a page. coarser : factor on the lengths of mesh edges.    load : words on the processor's load."""
 
     coarser: float
     machine: str
@@ -230,7 +241,7 @@ def page(figures: Sequence[FigurePictures], about: PageFacts, volumes: Sequence[
 
 
 def pictures_of(folder: Path) -> set[str]:
-    """Return the names of the pictures on a folder's page."""
+    """Return the file names of the pictures on the page in a folder."""
     try:
         return set(re.findall(r'src="([\w.-]+\.webp)"', (folder / PAGE_NAME).read_text(encoding="utf-8")))
     except (OSError, UnicodeDecodeError):
@@ -286,12 +297,15 @@ def _section(pictures: FigurePictures, coarser: float) -> str:
 def _facts(pictures: FigurePictures, coarser: float) -> str:
     figure = pictures.figure
     edge = "" if coarser == 1 else " (on its own mesh)"
-    finer = f"Edges {coarser:g} times as long as in the preset lose details, so the factor is {pictures.coarser:.3g}."
+    finer = (
+        f"Edges {coarser:g} times as long as in the preset would lose details of the surface, so this figure uses the "
+        f"factor {pictures.coarser:.3g}."
+    )
     lines = [escape(f"{pictures.carried[0].upper()}{pictures.carried[1:]}.")]
     if pictures.coarser != coarser:
         lines.append(finer)
     if figure.stand_in:
-        lines.append(f"This surface replaces the surface of the paper: {escape(figure.stand_in)}.")
+        lines.append(f"This surface replaces the surface in the paper: {escape(figure.stand_in)}.")
     lines += [f'<span class="quiet">Note on {escape(note)}.</span>' for note in pictures.notes]
     lines.append(f"<code>dsfab build {figure.preset}</code>{edge}")
     return f'<div class="facts">{"".join(f"<p>{line}</p>" for line in lines)}</div>'
@@ -368,8 +382,8 @@ PICTURE = re.compile(r'src="([\w.-]+\.(?:webp|svg))"')
 
 
 def small_page(text: str, folders: Sequence[Path]) -> str:
-    """Return the page as one file with small pictures.
-    text : the page.    folders : folders that may hold its pictures."""
+    """Return the page as a single HTML file that contains its pictures, made smaller.
+    text : HTML of the page.    folders : folders in which its pictures are searched."""
     data_by_name: dict[str, str] = {}
 
     def inside(match: re.Match[str]) -> str:

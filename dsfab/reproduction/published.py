@@ -103,11 +103,11 @@ STAND_INS = {
     **dict.fromkeys(
         ("pavilion", "bridge", "climbing_hold", "mouse", "twisty_tower"), "Madan et al. have not published their mesh"
     ),
-    "pirate": "Madan et al. used a mesh that is sold (TurboSquid 1084497)",
+    "pirate": "Madan et al. used a commercial mesh (TurboSquid 1084497)",
     "bob": "Bob is in Keenan Crane's 3D Model Repository; load its file with --mesh",
     "turkey": "the paper's mesh is on Thingiverse (3957882)",
 }
-"""Reasons why a surface of dsfab stands in for the paper's surface, by preset."""
+"""Reasons why dsfab uses a surface that differs from the paper's surface, by preset."""
 
 CAPTIONS: tuple[tuple[str, str, str, Claim], ...] = (
     ("teaser", "pavilion", "A pavilion: stress directions, diffusion, structure, with a tree for scale.", ""),

@@ -21,25 +21,25 @@ LETTER: Mapping[str, Any] = {
     "pattern.rim": 0.0,
     "pattern.width": {"rule": "plain"},
 }
-"""Settings of the paper by Madan et al. that presets may change. Its Table 1 has modes, frequencies and phases."""
+"""Settings of Madan et al. that presets may change, besides modes, frequencies and phases (Table 1 of the paper)."""
 
 DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "diffusion.labelling": (
         "magnitude",
-        "families labelled by the sign of their stress (signed), not by the magnitude of the stress",
+        "families of stripes are assigned by the sign of the stress (signed), not by its magnitude",
     ),
-    "statics.law": ("stvk", "thin-sheet material law (plane_stress), not St. Venant-Kirchhoff with a rigid normal"),
+    "statics.law": ("stvk", "material law of thin sheets (plane_stress), not St. Venant-Kirchhoff with a rigid normal"),
     "pattern.keep": (0.0, "material kept around loads and supports"),
     "pattern.rim": (0.0, "a rim of solid material along the boundary"),
 }
-"""Keys for which presets may differ from Madan et al.: the value in their paper, and a text about any other value."""
+"""Preset keys with values that may differ from Madan et al.: the value in their paper, and a text on other values."""
 
 SHARES = (0.3, 0.5)  # least and largest share of material in the design with evenly spaced stripes
 
 
 @dataclass(frozen=True, eq=False)
 class Rendition:
-    """A version (rendition) of a figure, with measures. After a failure, `refused` is the reason; measures are nan.
+    """A version (rendition) of a figure, with measures. After a failure, `refused` is the reason, and measures are nan.
 
     name         : letter (as in the paper), preset or stripes.    departures : differences from the paper.
     settings     : changes of the preset by key.
@@ -82,7 +82,7 @@ def renditions(design: Design) -> tuple[Rendition, ...]:
     letter = measured_rendition("letter", design, LETTER, uncut)
     shipped = measured_rendition("preset", design, {}, uncut)
     share = float(np.clip(np.nan_to_num(shipped.share, nan=0.5), *SHARES))
-    # frequency 0 means a spacing of 1/12 of the root of the surface's area
+    # frequency 0 means a spacing of sqrt(surface area) / 12
     stripes = {
         "pattern.method": "stripes",
         "pattern.width": {"rule": "graded", "solid_fraction": round(share, 3)},
@@ -107,8 +107,8 @@ def departures(preset: Preset) -> tuple[str, ...]:
 def measured_rendition(
     name: str, base_design: Design, settings: Mapping[str, Any], uncut_compliance: dict[str, float] | None = None
 ) -> Rendition:
-    """Make a version (rendition) of a figure, with measures.
-    uncut_compliance : compliances of the uncut sheet by material law; new values are stored in place."""
+    """Make a version (rendition) of a figure, with measures. settings : changes of the preset.
+    uncut_compliance : compliance (J) of the uncut sheet by material law; new values are added to this dict."""
     try:
         preset = with_overrides(base_design.preset, dict(settings)) if settings else base_design.preset
         design = draft(preset, earlier=base_design)
@@ -139,7 +139,8 @@ def _carried_share(design: Design) -> float:
 
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
-    """Return compliance / uncut sheet's, compliance / thinner sheet's, and a reason if infinite."""
+    """Return the compliance divided by that of the uncut sheet, and by that of a thinner sheet.
+    The third value is the reason for infinite ratios, or ''. share : thickness ratio of the thinner sheet."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)
     if not any(load.force.any() for load in uncut_loads.values()):

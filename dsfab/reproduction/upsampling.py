@@ -1,4 +1,4 @@
-"""Comparison of the cut by upsampling (Madan et al.) with the exact cut."""
+"""Comparison of two ways to cut stripes: after upsampling the mesh (Madan et al.), and exactly."""
 
 import io
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class StripedField(NamedTuple):
-    """Stripes of a family. x : (n,) mode that the stripes follow, at the vertices."""
+    """Stripes of a family. x : (n,) diffusion mode at the vertices. The stripes follow level lines of the mode."""
 
     stripes: Stripes
     x: Floats
@@ -32,7 +32,7 @@ class UpsampledCut(NamedTuple):
     """A cut by upsampling: triangles that several stripe edges cross (crowded triangles) are divided before the cut.
     rounds    : number of divisions.    triangles : number of triangles of the cut sheet.
     crowded   : number of crowded triangles that remain.
-    wrong     : share of the surface where this cut is wrong."""
+    wrong     : share of the surface where this cut swaps material and void."""
 
     rounds: int
     triangles: int
@@ -41,14 +41,14 @@ class UpsampledCut(NamedTuple):
 
 
 class CutComparison(NamedTuple):
-    """Cuts after 0, 1, 2 ... divisions, and the number of triangles of the exact cut."""
+    """Cuts after 0, 1, 2 ... divisions of triangles. exact : number of triangles of the exact cut."""
 
     upsampled: tuple[UpsampledCut, ...]
     exact: int
 
 
 def compare_design_cuts(design: Design, rounds: int = 6) -> CutComparison:
-    """Compare the cut by upsampling with the exact cut of a design's stripes."""
+    """Compare the cut by upsampling with the exact cut of a design's stripes. rounds : largest number of divisions."""
     settings = (design.preset.pattern.major, design.preset.pattern.minor)
     families = [
         StripedField(Stripes(family.frequency, float(options.phase), options.threshold), family.mode)
@@ -58,7 +58,7 @@ def compare_design_cuts(design: Design, rounds: int = 6) -> CutComparison:
 
 
 def compare_cuts(surface: Surface, families: Sequence[StripedField], rounds: int = 6) -> CutComparison:
-    """Compare the cut by upsampling with the exact cut of stripes on a surface."""
+    """Compare the cut by upsampling with the exact cut of stripes on a surface. rounds : limit of divisions."""
     exact = _cut(surface, [family.x for family in families], [family.stripes.levels(family.x) for family in families])
     cuts: list[UpsampledCut] = []
     for number in range(rounds + 1):
@@ -77,7 +77,7 @@ def _cut(surface: Surface, fields: Sequence[Floats], levels: Sequence[Floats]) -
 
 
 def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
-    """Return how many stripe edges cross each triangle (m,)."""
+    """Return the number of stripe edges that cross each triangle (m,)."""
     count = np.zeros(surface.m, dtype=np.int64)
     for stripes, x in families:
         levels, corners = stripes.levels(x), x[surface.F]
@@ -87,7 +87,7 @@ def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
 
 
 def division(surface: Surface, families: Sequence[StripedField], crowded: Bools) -> tuple[Surface, list[StripedField]]:
-    """Return surface and stripes after division of the triangles `crowded` (m,)."""
+    """Divide all edges of the triangles `crowded` (m,) in half; return the new surface and the stripes on it."""
     edges = surface.edges
     marked = np.zeros(len(edges.ends), dtype=bool)
     marked[edges.of[crowded]] = True
@@ -117,18 +117,22 @@ def upsampled_beside_exact(design: Design, folder: Path) -> PaperComparison:
         return PaperComparison(title, f"Nothing can be compared: {error}.", ())
     coarsest, finest = comparison.upsampled[0], comparison.upsampled[-1]
     words = (
-        "The paper divides triangles with more than one stripe edge at the middles of their sides. It cuts "
+        "The paper divides triangles with more than one stripe edge at the middles of their sides. The paper cuts "
         "where the stripe value, interpolated between corners, is zero. dsfab cuts along all stripe edges of a "
         "triangle at once, at known values. Both methods cut the same modes. The paper's method swaps material and "
         f"void on a part of the surface. Without division this part is {_percent(coarsest.wrong)}, with "
         f"{coarsest.triangles:,} triangles; after {finest.rounds} rounds of division {_percent(finest.wrong)}, with "
         f"{finest.triangles:,}. The exact cut has {comparison.exact:,} triangles and "
         f"no error of this kind. {finest.crowded:,} triangles still have two stripe edges or more: division cannot "
-        "separate families that cross. The other errors are at crests of the wave in triangles with one stripe edge."
+        "separate families that cross. The other errors are at crests of the stripe wave, in triangles with one "
+        "stripe edge."
     )
     file = f"{design.preset.name}-upsampled.webp"
     _write_chart(comparison, folder / file)
-    caption = "Share of the surface with material and void swapped, by number of triangles. Labels: rounds of division."
+    caption = (
+        "Share of the surface with material and void swapped, by number of triangles. Labels show the number of "
+        "rounds of division."
+    )
     return PaperComparison(
         title, words, ((PaperPicture(file, "Error against triangles", caption, size=drawing.LARGE),),)
     )

@@ -29,13 +29,13 @@ ROW = {
     "pattern.major": {"mode": 1, "frequency": 10.0, "phase": 0.0},
     "pattern.minor": {"mode": 1, "frequency": 10.0, "phase": 0.0},
 }
-"""Settings of the sphere in Table 1, Madan et al., without kept regions; families by stress sign, not magnitude."""
+"""Settings of the sphere in Table 1 of Madan et al., without kept regions. The stress sign labels the families."""
 LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # labelling and elastic law of Madan et al.
-SHARES = (0.3, 0.5, 0.7)  # Shares of material; each takes a few minutes.
+SHARES = (0.3, 0.5, 0.7)  # Shares of material; each run takes minutes.
 
 RIVALS = {
-    "letter": "Table 1 of Madan et al., families labelled by stress magnitude",
-    "row": "Table 1 of Madan et al., families labelled by stress sign",
+    "letter": "Table 1 of Madan et al., families assigned by the magnitude of the stress",
+    "row": "Table 1 of Madan et al., families assigned by the sign of the stress",
     "plain": "tuned modes and phases, plain widths",
     "design": "tuned modes and phases, graded widths",
     "stripes": "dsfab's evenly spaced stripes",
@@ -47,8 +47,8 @@ RIVALS = {
 
 
 def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, shares: Sequence[float] = SHARES) -> None:
-    """Write data and a chart of the compliance of spheres.
-    coarser : length of mesh edges / `EDGE`.    shares : shares of material."""
+    """Write data and a chart that compare the compliance of structures on a sphere.
+    coarser : length of mesh edges / `EDGE`.    shares : shares of the surface that are material."""
     from dsfab.study import compare_at, full_at_many_shares
 
     graded = sphere_draft(ON_MODES, coarser)
@@ -65,7 +65,7 @@ def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, share
 
 
 def sphere_draft(changes: Mapping[str, Any], coarser: float = 1.0) -> Design:
-    """Return the sphere's design with changes, up to the pattern."""
+    """Return the sphere's design up to the pattern. changes : changed settings.    coarser : mesh edge / `EDGE`."""
     from dsfab.design import draft
     from dsfab.preset.file import load_preset, with_overrides
 
@@ -75,7 +75,7 @@ def sphere_draft(changes: Mapping[str, Any], coarser: float = 1.0) -> Design:
 
 def sphere_rivals(coarser: float = 1.0) -> dict[str, Design]:
     """Return designs `plain`, `row`, `letter`, `stripes` of the sphere.
-    coarser : mesh edge / `EDGE`."""
+    coarser : length of mesh edges / `EDGE`."""
     plain_widths = {**ON_MODES, "pattern.width": {"solid_fraction": 0.5}}
     settings: dict[str, Mapping[str, Any]] = {"plain": plain_widths, "row": ROW, "letter": LETTER, "stripes": {}}
     return {name: sphere_draft(changes, coarser) for name, changes in settings.items()}
@@ -84,7 +84,7 @@ def sphere_rivals(coarser: float = 1.0) -> dict[str, Design]:
 def rival_rows(
     rivals: Mapping[str, Design], share: float, design: float | None, judge: "Judge"
 ) -> list[dict[str, Any]]:
-    """Return a row of results for each of the designs `rivals`.
+    """Return a row of results for each of the designs `rivals`. share : share of the surface that is material.
     design : compliance of the reference design, J, or None."""
     from dsfab.study import compare_at
 

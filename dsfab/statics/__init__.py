@@ -69,7 +69,7 @@ def solve_statics(
     sheet: SheetModel, load: LoadCase, elements: Elements = PAPER, spread: SpreadLoad | None = None
 ) -> Equilibrium:
     """Return displacements, reactions and compliance of a thin elastic sheet [Madan, Jacobson and Levin, section 3.1].
-    spread : part of the load on faces and edges.    Raises StaticsError for mechanisms."""
+    spread : part of the load that acts on faces and edges.    Raises StaticsError for mechanisms."""
     spreads = None if spread is None else {"load": spread}
     return solve_cases(sheet, {"load": load}, elements, spreads)["load"]
 

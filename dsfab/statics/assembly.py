@@ -57,7 +57,7 @@ class VertexPairs:
     """Pairs of vertices that have a 3 x 3 block in a stiffness matrix. A hinge is two faces with a common edge.
     ends     : (p, 2) vertices of each pair, lower number first.
     of_edge  : (e,) number of the pair of each edge.
-    opposite : (i,) pair of each hinge's opposite vertices; p for a single vertex; empty without hinges."""
+    opposite : (i,) pair of each hinge's opposite vertices; p if they are equal; empty without hinges."""
 
     n: int
     ends: Ints
@@ -78,7 +78,7 @@ class VertexPairs:
         return cls(n, np.stack(np.divmod(keys, n), axis=1), np.searchsorted(keys, edge), opposite)
 
     def of_hinge(self, surface: Surface, hinge: Ints) -> Ints:
-        """Return the numbers (6, i) of the vertex pairs of each hinge, in the order of `CORNERS`."""
+        """Return the numbers (6, i) of the six vertex pairs of each hinge, in the order of `CORNERS`."""
         edge = self.of_edge[surface.edges.of.ravel()]
         h0, h1 = surface.edges.pairs.T
         next0, next1 = (next_half_edge(h) for h in (h0, h1))
@@ -108,7 +108,7 @@ class VertexPairs:
 
 @dataclass(frozen=True, eq=False)
 class PairBlocks:
-    """A stiffness matrix as 3 x 3 blocks for pairs of vertices and for vertices.
+    """A stiffness matrix as 3 x 3 blocks for pairs of vertices, and for single vertices.
     between : (9, p) block of each pair, row by row, N/m. The rows belong to the vertex with the lower number.
     own     : (9, n) symmetric blocks on the diagonal, N/m."""
 
@@ -118,7 +118,7 @@ class PairBlocks:
 
     @classmethod
     def without_shifts(cls, pairs: VertexPairs, between: Floats) -> Self:
-        """Return the stiffness from blocks (9, p) of vertex pairs."""
+        """Return the stiffness from blocks (9, p) of vertex pairs. A translation of all vertices causes no force."""
         low, high = np.ascontiguousarray(pairs.ends.T)
         diagonal = np.empty((3, 3, pairs.n))
         for entry, upper, lower in zip(diagonal.reshape(9, -1), between, _transposed_blocks(between), strict=True):
@@ -146,12 +146,12 @@ def summed_blocks(u: Floats, v: Floats, pair: Ints, count: int) -> Floats:
 
 
 def ascending_pairs(a: Floats, b: Floats, ascending: Bools) -> tuple[Floats, Floats]:
-    """Return a and b (...), swapped where `ascending` (...) is false."""
+    """Return the arrays a and b (...), with their entries swapped where `ascending` (...) is False."""
     return np.where(ascending, a, b), np.where(ascending, b, a)
 
 
 def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
-    """Return the vertex pairs that have a block in the stiffness. hinge : (i, 4) hinges."""
+    """Return the vertex pairs that have a block in the stiffness matrix. hinge : (i, 4) see `hinges`, or None."""
     results, key = derived_results(surface), (VertexPairs, hinge is None)
     if key not in results:
         results[key] = VertexPairs.from_surface(surface, hinge)

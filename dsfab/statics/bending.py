@@ -82,7 +82,7 @@ def moment_loads(surface: Surface) -> Floats:
     [Hellan 1967; Herrmann 1967; Johnson 1973; Neunteufel and Schoeberl 2019, shells]."""
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
-    across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slope of lambda_a along normal m
+    across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slopes normal to the half-edge
     sign = half_edge_signs(surface)
     rows = np.zeros((surface.m, 3, 3, 12))
     rows[..., 3:6] = (8 / 3 * surface.areas[:, None, None] * voigt(slope, np.roll(slope, -1, axis=1))).transpose(
@@ -102,7 +102,7 @@ def moment_loads(surface: Surface) -> Floats:
 
 
 def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
-    """Return the bending stiffness, N/m, of `hhj` elements.
+    """Return the bending stiffness, N/m, of `hhj` elements (Hellan, Herrmann and Johnson).
     D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face."""
     rows = moment_loads(surface)
     normal, edge = surface.normals, surface.edges.of

@@ -15,7 +15,7 @@ from dsfab.surface.mesh import Surface
 
 
 def facet_number(surface: Surface, thickness: float) -> float:
-    """Return the median, over inner edges, of length times fold angle / thickness.
+    """Return the median, over inner edges, of edge length x fold angle / sheet thickness.
     The error of stresses due to flat faces grows with this number."""
     faces = surface.edges.pairs // 3
     if not len(faces):
@@ -26,7 +26,7 @@ def facet_number(surface: Surface, thickness: float) -> float:
 
 
 def face_moments(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> Floats:
-    """Return moments per length (m, 3 corners, 3), (xx, yy, xy), newtons, at faces' corners in tangent frames.
+    """Return moments per length (xx, yy, xy), N, at face corners, in tangent frames of the faces: (m, 3 corners, 3).
     `hinge` moments are for pictures only. A sheet that was solved in its plane has no moments."""
     surface = sheet.surface
     if elements.bending is None:
@@ -41,7 +41,7 @@ def face_moments(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> 
 
 
 def hinge_energy(surface: Surface, material: Material, thickness: float, answer: Equilibrium) -> Floats:
-    """Return the bending energy (m,) of each face, J."""
+    """Return the bending energy (m,) of each face, J, from the hinges at its edges."""
     hinge = hinges(surface)
     gradients, weight = angle_gradients(surface, hinge)
     turned = np.einsum("ikx,ikx->i", gradients, answer.u[hinge])

@@ -21,7 +21,7 @@ MOTIONS = ("move along x", "move along y", "move along z", "turn about x", "turn
 
 
 def rigid_motions(points: Floats) -> Floats:
-    """Return displacements (n, 3, 6) of points (n, 3) by the six rigid `MOTIONS`."""
+    """Return the displacement (n, 3, 6) of each point (n, 3) in each of the six rigid-body `MOTIONS`."""
     centred = points - points.mean(axis=0)
     reach = np.abs(centred).max() or 1.0
     motion = np.zeros((len(points), 3, 6))
@@ -32,8 +32,8 @@ def rigid_motions(points: Floats) -> Floats:
 
 
 def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools | None = None) -> None:
-    """Raise StaticsError if a piece of the sheet can move without deforming.
-    fixed   : (n, 3) fixed directions of the vertices.    clamped : (e,) edges that do not rotate."""
+    """Raise StaticsError if a connected piece of the sheet can move as a rigid body.
+    fixed : (n, 3) mask: directions in which each vertex cannot move.    clamped : (e,) mask of clamped edges."""
     count, label = pieces(surface.F, surface.edges)
     stopped = fixed | (load.spring > 0)
     unheld = [k for k in range(count) if not load.supported[surface.F[label == k]].any()]
@@ -63,27 +63,27 @@ def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools 
 
 def _support_remedy(surface: Surface, held_vertices: Ints) -> str:
     if len(held_vertices) >= FEW_VERTICES:
-        return "the supports do not prevent this motion; hold more directions"
+        return "the supports do not prevent this motion; hold more directions at the supports"
     where = " and ".join(str(surface.V[k].round(3).tolist()) for k in held_vertices)
     count = count_phrase(len(held_vertices), "vertex")
-    return f"the supports hold only {count}, at {where} m; pick more vertices (with a larger depth if you pick a side)"
+    return f"the supports hold only {count}, at {where} m; pick more vertices (if pick = 'side', with a larger depth)"
 
 
 def _merge_hint(surface: Surface) -> str:
     doubled = coincident(surface.V)
-    return f", or merge {doubled} vertices that coincide with earlier vertices" if doubled else ""
+    return f", or merge the {doubled} vertices that coincide with other vertices" if doubled else ""
 
 
 def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:
-    """Return the names of the free rigid motions of `vertices`.
-    fixed   : (n, 3) fixed directions of the vertices.    clamped : (k, 2) ends of the edges that do not rotate."""
+    """Return the names of the rigid motions of `vertices` that the supports allow. clamped : (k, 2) end vertices of
+    edges that cannot rotate.    fixed : (n, 3) mask: directions in which each vertex cannot move."""
     at_supports = rigid_motions(V[vertices])[fixed[vertices]]  # (fixed directions, 6)
     along = V[clamped[:, 1]] - V[clamped[:, 0]]
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
     stopped = np.concatenate([at_supports, np.pad(along, ((0, 0), (3, 0))), np.zeros((6, 6))])
     _, values, basis = np.linalg.svd(stopped, full_matrices=False)
     null = basis[values <= FREE_MOTION * max(values.max(), 1.0)]
-    # find rotations first: a rotation about a line of supports also shifts the centre, and so looks like a translation
+    # find rotations first, because a rotation about a line of supports also moves the centre
     mix, turns, _ = np.linalg.svd(null[:, 3:])
     turns = np.concatenate([turns, np.zeros(len(null) - len(turns))]) > FREE_MOTION
     parts = np.abs(mix.T @ null)
@@ -98,13 +98,14 @@ def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
     lost = np.flatnonzero(~used & (load.force != 0).any(axis=1))
     if len(lost):
         raise StaticsError(
-            f"{len(lost)} loaded vertices belong to no face (first: {first_few(lost)}); move these loads"
+            f"{len(lost)} loaded vertices belong to no face (first: {first_few(lost)}); move the loads at these "
+            f"vertices"
         )
 
 
 def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: Bools | None) -> Bools:
-    """Return a mask (e, k) of the fixed unknowns of edges. The k unknowns of an edge are `elements.on_edges`.
-    fixed   : (n, 3) fixed directions of the vertices.    clamped : (e,) edges that do not rotate."""
+    """Return a mask (e, k) of the unknowns on edges that supports fix. `elements.on_edges` lists the k unknowns.
+    fixed : (n, 3) mask: directions in which each vertex cannot move.    clamped : (e,) mask of clamped edges."""
     faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
     no_rotation = np.zeros(len(held_directions), dtype=bool)
     no_rotation[surface.edges.of[faces.all(axis=1)]] = True
@@ -116,8 +117,8 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
 
 
 def held_middles(surface: Surface, fixed: Bools) -> Bools:
-    """Return a mask (e, 3) of the fixed directions of edges' middles.
-    fixed : (n, 3) fixed directions of the vertices."""
+    """Return a mask (e, 3): directions x, y, z in which the midpoint of each edge cannot move.
+    fixed : (n, 3) mask: directions in which each vertex cannot move."""
     edges, faces = surface.edges, held_faces(surface, fixed)
     is_held = fixed[edges.ends].all(axis=1) & edges.boundary[:, None]
     for axis in range(3):
@@ -126,13 +127,13 @@ def held_middles(surface: Surface, fixed: Bools) -> Bools:
 
 
 def held_faces(surface: Surface, fixed: Bools) -> Bools:
-    """Return a mask (m, 3) of directions in which all corners of a face are fixed; False with >= 2 boundary edges."""
+    """Return a mask (m, 3): directions in which all corners of a face are fixed; False with >= 2 boundary edges."""
     ears = surface.edges.boundary[surface.edges.of].sum(axis=1) >= 2
     return np.asarray(fixed[surface.F].all(axis=1) & ~ears[:, None])
 
 
 def require_clampable(surface: Surface, elements: Elements, clamped: Bools | None) -> None:
-    """Raise StaticsError if `elements` cannot hold clamped edges (e,)."""
+    """Raise StaticsError if `elements` have no edge rotations to clamp. clamped : (e,) mask of clamped edges."""
     if clamped is None:
         return
     if clamped.shape != (len(surface.edges.ends),):
@@ -147,12 +148,12 @@ def require_clampable(surface: Surface, elements: Elements, clamped: Bools | Non
 
 
 def all_clamped(load: LoadCase) -> Bools | None:
-    """Return a mask (e,) of the edges that do not rotate, or None."""
+    """Return the load case's mask (e,) of edges that cannot rotate, or None if the mask is empty."""
     return load.clamped if len(load.clamped) else None
 
 
 def with_springs(K: csr_array, load: LoadCase) -> csr_array:
-    """Return K (u, u), N/m, with the springs of a load case."""
+    """Return the stiffness matrix K (u, u), N/m, plus the spring supports of a load case on its diagonal."""
     if not load.spring.any():
         return K
     springs = np.zeros(K.shape[0])
@@ -162,7 +163,7 @@ def with_springs(K: csr_array, load: LoadCase) -> csr_array:
 
 @dataclass(frozen=True, eq=False)
 class SpreadLoad:
-    """The part of a load that is constant on each face or edge.
+    """A distributed load that is constant on each face and on each edge.
     face : (m, 3) force per area of each face, Pa.    edge : (e, 3) force per length of each edge, N/m."""
 
     face: Floats
@@ -173,13 +174,13 @@ class SpreadLoad:
 
     @classmethod
     def broadcast(cls, surface: Surface, face: object = 0.0, edge: object = 0.0) -> Self:
-        """Return a load with `face` and `edge` broadcast to the shapes (m, 3), Pa, and (e, 3), N/m."""
+        """Return a load with `face` (Pa) and `edge` (N/m) broadcast (as in NumPy) to the shapes (m, 3) and (e, 3)."""
         shapes = (surface.m, 3), (len(surface.edges.ends), 3)
         return cls(*(np.broadcast_to(np.asarray(v, float), s) for v, s in zip((face, edge), shapes, strict=True)))
 
     @classmethod
     def total(cls, parts: Mapping[str, Self], factors: Mapping[str, float]) -> Self:
-        """Return the sum of the named parts, each times its factor."""
+        """Return the sum of the loads `parts`. Each load is multiplied by the factor of the same name, 0 by default."""
         weight = {name: factors.get(name, 0.0) for name in parts}
         face, edge = (
             np.sum([f * getattr(parts[k], field) for k, f in weight.items()], axis=0) for field in ("face", "edge")
@@ -187,14 +188,14 @@ class SpreadLoad:
         return cls(face, edge)
 
     def vertex_forces(self, surface: Surface) -> Floats:
-        """Return forces (n, 3), N, on the vertices."""
+        """Return the equivalent nodal forces (n, 3), N, of the distributed load at the vertices."""
         force = np.zeros((surface.n, 3))
         np.add.at(force, surface.F.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
         np.add.at(force, surface.edges.ends.ravel(), np.repeat(self.edge * _lengths(surface) / 2, 2, axis=0))
         return force
 
     def bubble_forces(self, surface: Surface, elements: Elements) -> Floats:
-        """Return forces (e, k), N, on the k edge unknowns of `elements`."""
+        """Return the load's forces (e, k), N, on the k unknowns `elements.on_edges` of each edge; 0 for rotations."""
         work = self.edge * _lengths(surface) * 2 / 3
         np.add.at(work, surface.edges.of.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
         in_frame = np.einsum("edx,ex->ed", edge_frames(surface), work)
@@ -206,7 +207,7 @@ class SpreadLoad:
 
 
 def spread_load(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> SpreadLoad:
-    """Return the part of `loads` that acts on faces and lines. weight : weight of the sheet, N/m2."""
+    """Return the sum of all `loads` on faces and lines, without forces at points. weight : sheet's weight, N/m2."""
     face, edge = np.zeros((surface.m, 3)), np.zeros((len(surface.edges.ends), 3))
     for load in loads:
         if isinstance(load, Line):

@@ -1,4 +1,4 @@
-"""Factorisation of a stiffness, and iterative refinement of solutions."""
+"""Factorisation of stiffness matrices, and iterative refinement of solutions."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.surface.mesh import Surface
 
 ACCURATE = 1e-9
-"""Largest relative residual of a solution that is not refined: a tenth of the limit `REPORTED_RESIDUAL`."""
+"""A solution with a larger relative residual is refined. This limit is a tenth of the limit `REPORTED_RESIDUAL`."""
 
 REFINEMENTS = 6  # Largest number of refinement steps; two or three usually suffice.
 ROWS = 1 << 16
-"""Number of rows in one product of high precision; a product of all rows would take three times the memory."""
+"""Number of matrix rows that are multiplied at a time in high precision, which saves memory."""
 
 
 class LinearMap(Protocol):
@@ -32,7 +32,7 @@ class LinearMap(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ScaledStiffness:
-    """The matrix diag(scale) K diag(scale) of the unknowns `free`."""
+    """The matrix diag(scale) K diag(scale), restricted to the unknowns with the indices `free`."""
 
     K: csr_array
     free: Ints
@@ -58,8 +58,8 @@ class ScaledStiffness:
 
 @dataclass(frozen=True, eq=False)
 class Factor:
-    """A factorised stiffness.
-    K     : stiffness of all unknowns.    free : (N,) unknowns that move.
+    """A factorised stiffness matrix.
+    K     : stiffness matrix of all unknowns.    free : (N,) indices of the unknowns that can move.
     scale : (N,) 1 / square root of the diagonal of K.    solve : solves the scaled equations."""
 
     K: csr_array
@@ -69,18 +69,18 @@ class Factor:
 
     @property
     def map(self) -> ScaledStiffness:
-        """Stiffness (N, N) of the free unknowns, scaled to a unit diagonal."""
+        """Stiffness matrix (N, N) of the free unknowns, scaled so that its diagonal is 1."""
         return ScaledStiffness(self.K, self.free, self.scale)
 
     def displacements(self, forces: Floats) -> Floats:
-        """Return K^-1 F (u, k) for forces F (u, k); 0 for unknowns that do not move."""
+        """Return the displacements K^-1 F (u, k) for k load vectors F (u, k); 0 for unknowns that cannot move."""
         x, scale = np.zeros(forces.shape), self.scale[:, None]
         x[self.free] = scale * self.solve(scale * forces[self.free])
         return x
 
 
 def stiffness_factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
-    """Factorise K (u, u). is_held : (u,) True for unknowns that do not move.
+    """Factorise the stiffness matrix K (u, u). is_held : (u,) True for unknowns that cannot move.
     Raises StaticsError if the matrix is not positive definite."""
     diagonal = K.diagonal()
     free = np.flatnonzero(~is_held & (diagonal > 0))
@@ -97,7 +97,7 @@ def stiffness_factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
     except NotPositiveDefinite as error:
         raise StaticsError(
             "the sheet is a mechanism: parts of it meet in single points or are not supported; "
-            "check the mesh with `dsfab inspect` and hold more directions"
+            "check the mesh with `dsfab inspect`, and hold more directions at the supports"
         ) from error
 
 
@@ -105,7 +105,7 @@ FactorFunction = Callable[[Surface, csr_array, Bools], Factor]
 
 
 class FactorCache:
-    """A cache of the last `count` factors."""
+    """A function that factorises stiffness matrices, and caches the last `count` factorisations."""
 
     def __init__(self, count: int = 1) -> None:
         self._kept: list[tuple[csr_array, Bools, Factor]] = []
@@ -115,7 +115,7 @@ class FactorCache:
         for matrix, earlier_held, factor in self._kept:
             if _equal_matrices(matrix, K) and np.array_equal(earlier_held, is_held):
                 return factor
-        del self._kept[: len(self._kept) + 1 - self._count]  # deleting first leaves memory for the next factor
+        del self._kept[: len(self._kept) + 1 - self._count]  # frees memory before the next factor is computed
         self._kept.append((K, is_held.copy(), stiffness_factor(surface, K, is_held)))
         return self._kept[-1][2]
 
@@ -133,8 +133,8 @@ def _restriction(K: csr_array, free: Ints, scale: Floats) -> csr_array:
 
 
 def refined_solution(K: LinearMap, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
-    """Return the solution x of K x = b, b (N,) or (N, k), and its relative residual [Wilkinson 1963].
-    solve : applies an approximate inverse of K."""
+    """Solve K x = b, b (N,) or (N, k), with iterative refinement [Wilkinson 1963]. Return x, and the relative residual
+    of each column in the energy norm. solve : applies an approximate inverse of K."""
     x = solve(b)
     r = b - K @ x
     error = _energy_share(r, solve(r), b, x)
@@ -158,7 +158,7 @@ def refined_solution(K: LinearMap, b: Floats, solve: Callable[[Floats], Floats])
 
 
 def _energy_share(r: Floats, step: Floats, b: Floats, x: Floats) -> Floats:
-    """Return each column's relative residual. r: b - K x, step: K^-1 r."""
+    """Return the relative residual of each column of x in the energy norm. r : b - K x.    step : K^-1 r."""
     energy = np.sum(b * x, axis=0)
     share = np.abs(np.sum(r * step, axis=0)) / np.where(energy > 0, energy, np.inf)
     return np.asarray(np.sqrt(share))

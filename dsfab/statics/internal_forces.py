@@ -1,4 +1,4 @@
-"""Internal forces of a sheet per length."""
+"""Forces and moments inside a sheet, per length of section."""
 
 from dataclasses import dataclass
 from typing import NamedTuple, Self
@@ -15,18 +15,18 @@ from dsfab.statics.stress import SMOOTH, SheetStress, principal_values, vertex_a
 from dsfab.surface import Surface, hat_gradients, link_components, next_half_edge
 
 CROWDED = 0.25
-"""A face is a splinter if its height is less than CROWDED times the mean size of faces.
-Gradients of moments are meaningless in splinters. So the load of a splinter is spread over points up to CROWDED times
-the mean size away. With a larger distance, some of the shear in ribs would get lost."""
+"""A face is a splinter if its smallest height is less than CROWDED times the mean size of faces.
+Moment gradients are meaningless in splinters. So a splinter's load is spread over points near it.
+These points are up to CROWDED times the mean size away; larger distances would lose shear force in ribs."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShearRecovery:
-    """Data of a surface to compute shear forces q from moments. q is the gradient of a potential M.
-    columns : unknowns of M, (m, 6) at corners and middles of half-edges, or (m, 3) at corners.
-    sign    : (m, 6) -1 if the face's normal is opposite to that of the first face with the unknown, else 1.
-    rim     : (m, 3) 1 on half-edges that transfer no shear; else 0.
-    spread  : (N, N) matrix that spreads the load of unknowns at splinters over neighbours."""
+    """Data of a surface for computing transverse shear forces q from moments. q is the gradient of a potential M.
+    columns : indices of the N unknowns of M: (m, 6) at corners and edge midpoints, or (m, 3) at corners.
+    sign    : as `columns`; -1 if the face's normal is opposite to that of the unknown's first face, else 1.
+    rim     : (m, 3) 1 on each face's half-edges that transfer no shear force; else 0.
+    spread  : (N, N) matrix that spreads the load of unknowns at very thin faces over nearby unknowns."""
 
     surface: Surface
     columns: Ints
@@ -37,7 +37,7 @@ class ShearRecovery:
 
     @classmethod
     def for_surface(cls, surface: Surface, linear: bool = True) -> Self:
-        """Return the data for a surface. linear : True for moments linear on faces, False for constant."""
+        """Return the data for a surface. linear : True if moments vary linearly on each face, False if constant."""
         side_a, side_b = surface.edges.pairs.T
         lean = np.abs(np.einsum("ix,ix->i", surface.normals[side_a // 3], surface.normals[side_b // 3]))
         side_a, side_b = side_a[lean > SMOOTH], side_b[lean > SMOOTH]
@@ -57,9 +57,9 @@ class ShearRecovery:
         return cls(surface, columns, sign, rim.reshape(-1, 3), spread, factorise(K, points))
 
     def forces(self, moments: Floats, twist: Floats) -> Floats:
-        """Return the mean shear force (m, 3), N/m, on each face, as a vector in space.
-        moments : (m, 3 corners, 3) moments of the elements, in `SheetStress.frame`, N.
-        twist   : (m, 3 corners, 3) moments averaged at vertices, N."""
+        """Return the mean transverse shear force (m, 3) of each face, N/m, as a vector in the face's plane.
+        moments : (m, 3 corners, 3) moments xx, yy, xy of the elements, in `SheetStress.frame`, N.
+        twist   : (m, 3 corners, 3) the same moments, averaged at vertices, N."""
         nodes = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
         if nodes == 6:  # changes the basis from bubbles to quadratic functions with value 1 at a node
@@ -133,18 +133,19 @@ def _spread_matrix(surface: Surface, columns: Ints, sign: Floats, points: Floats
 
 
 CONVENTION = (
-    "local x: global x, projected on the face; if the normal is within 8 degrees of global x: global y, projected; "
-    "local y: normal cross local x; the face's corners run counter-clockwise around its normal",
-    "n positive: tension. m_x bends fibres along local x; m positive: tension on the side opposite to the normal",
-    "q_x = dm_x/dx + dm_xy/dy, q_y = dm_xy/dx + dm_y/dy (thin sheets, Kirchhoff); on a section with the outward "
-    "direction local x, positive q_x acts opposite to the normal",
-    "a free edge also carries a line force as large as m_xy (Kirchhoff): include it in the sum over a section",
+    "local x is global x, projected onto the face; if the normal is within 8 degrees of global x, local x is global "
+    "y, projected onto the face; local y is normal cross local x; the corners of the face run counter-clockwise "
+    "around the normal",
+    "positive n is tension. m_x bends fibres along local x; positive m is tension on the side opposite to the normal",
+    "q_x = dm_x/dx + dm_xy/dy, q_y = dm_xy/dx + dm_y/dy (thin sheets, Kirchhoff); on a section whose outward "
+    "direction is local x, positive q_x acts opposite to the normal",
+    "a free edge also carries a line force as large as m_xy (Kirchhoff): include this force in the sum over a section",
 )
-"""Definitions of the components, for the first lines of files."""
+"""Definitions of axes and signs of section forces; these texts become the first lines of files."""
 
 
 class PrincipalForces(NamedTuple):
-    """Principal values and directions of forces or moments.
+    """Principal values and directions of the membrane forces or of the moments of each face.
     values    : (m, 2) principal values, the algebraically larger first.
     angle     : (m,) degrees from local x to the first direction, towards local y, from -90 to 90.
     direction : (m, 3) unit vectors of the first direction."""
@@ -156,13 +157,13 @@ class PrincipalForces(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SectionForces:
-    """Forces and moments per length of section on each face; signs: `CONVENTION`.
-    frame : (m, 2, 3) local x and local y of each face.
-    n     : (m, 3) normal forces x, y and shear in the sheet xy, N/m.
-    m     : (m, 3) moments x, y and twist xy, N m/m.
-    q     : (m, 2) shear forces normal to the sheet, on sections normal to local x and to local y, N/m.
-    corners : (m, 3, 3) n at the corners of each face, N/m.
-    corner_moments : (m, 3, 3) m at the corners, N m/m."""
+    """Forces and moments per length of section on each face. `CONVENTION` defines the signs.
+    frame : (m, 2, 3) unit vectors local x and local y of each face.
+    n     : (m, 3) normal forces x and y, and in-plane shear force xy, N/m.
+    m     : (m, 3) bending moments x and y, and twisting moment xy, N m/m.
+    q     : (m, 2) transverse shear forces on sections normal to local x and to local y, N/m.
+    corners : (m, 3, 3) the components n at the three corners of each face, N/m.
+    corner_moments : (m, 3, 3) the components m at the three corners, N m/m."""
 
     frame: Floats
     n: Floats
@@ -177,7 +178,7 @@ class SectionForces:
         lock_floats(self, n=(m, 3), m=(m, 3), q=(m, 2), corners=(m, 3, 3), corner_moments=(m, 3, 3))
 
     def principal(self, name: str) -> PrincipalForces:
-        """Return principal values and directions of `n` or of `m` [Mohr 1882]."""
+        """Return principal values and directions of forces or moments. name : "n" or "m" [Mohr 1882]."""
         values, axes = principal_values(getattr(self, name), self.frame)
         angle = np.degrees(np.arctan2(*np.einsum("mx,max->am", axes[:, 0], self.frame)[::-1]))
         return PrincipalForces(values, angle, axes[:, 0])
@@ -186,8 +187,8 @@ class SectionForces:
 def section_forces(
     surface: Surface, thickness: float, stress: SheetStress, recovery: ShearRecovery | None = None
 ) -> SectionForces:
-    """Return n, m and q of a sheet from its stress. thickness : metres.
-    recovery : data for this surface, if known."""
+    """Return the forces and moments per length in a sheet from its stress. thickness : metres.
+    recovery : data of the surface for shear forces; None to compute these data."""
     stress_frame, scale = stress.frame, thickness**2 / 6
     moments = scale * vertex_averages(surface, stress_frame, stress.bending, sided=True)
     across = np.zeros((surface.m, 3))

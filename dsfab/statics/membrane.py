@@ -1,4 +1,4 @@
-"""Membrane stiffness in the plane of each triangle."""
+"""Membrane stiffness of triangles: stiffness against deformation in the plane of each triangle."""
 
 from collections.abc import Mapping, Sequence
 
@@ -19,8 +19,8 @@ AIRY: tuple[Mapping[tuple[int, int], float], ...] = (
     {(3, 0): 1}, {(2, 1): 1}, {(1, 2): 1}, {(0, 3): 1},
     {(4, 0): 1, (0, 4): -1}, {(3, 1): 1}, {(1, 3): 1}, {(4, 0): 1, (2, 2): -6, (0, 4): 1},
 )  # fmt: skip
-"""Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4.
-Nine functions are enough for an element. All eleven are used, so that the order of the corners has no influence."""
+"""Airy stress functions: all biharmonic polynomials of degree 2 to 4. Each maps powers of x and y to a coefficient.
+Nine functions are enough for an element. With all eleven, results do not depend on the order of the corners."""
 
 SHARES = np.repeat([0.223381589678011, 0.109951743655322], 3)
 _NEAR, _FAR = 0.108103018168070, 0.816847572980459
@@ -29,7 +29,7 @@ POINTS = np.concatenate([np.full((3, 3), (1 - x) / 2) + (3 * x - 1) / 2 * np.eye
 
 
 def airy_stresses(functions: Sequence[Mapping[tuple[int, int], float]]) -> Floats:
-    """Return coefficients (6 monomials, 3, k) of the stresses (xx, yy, xy) = (phi_yy, phi_xx, -phi_xy) [Airy 1863]."""
+    """Return the coefficients (6 monomials, 3, k) of the stresses (phi_yy, phi_xx, -phi_xy) of k Airy functions phi."""
     coefficients = np.zeros((len(MONOMIALS), 3, len(functions)))
     for k, function in enumerate(functions):
         for (a, b), factor in function.items():
@@ -47,14 +47,14 @@ STRESSES = airy_stresses(AIRY)
 
 
 def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
-    """Return the stiffness (m, 9, 9) of `hybrid` faces against strains (xx, yy, 2 xy) at three corners.
-    C : (3, 3) isotropic matrix from strains to stresses or forces / length."""
+    """Return the stiffness (m, 9, 9) of `hybrid` elements for strains (xx, yy, 2 xy) at the three corners.
+    C : (3, 3) isotropic matrix from strains to stresses, Pa, or to forces per length, N/m."""
     corners = surface.V[surface.F]
     arm = (corners - corners.mean(axis=1, keepdims=True)) @ tangents(surface).transpose(0, 2, 1)
     x, y = np.moveaxis(POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0)  # (m, 6 points), scaled
     powers = np.stack([x**a * y**b for a, b in MONOMIALS], axis=1)
     shares = powers * SHARES
-    linear = shares @ POINTS  # (m, monomial, corner): means of a monomial times the hat function of a corner
+    linear = shares @ POINTS  # (m, monomial, corner): mean of monomial x the corner's hat function
     square = shares @ powers.transpose(0, 2, 1)
     count, _, k = STRESSES.shape
     compliance = np.einsum("aik,ij,bjl->abkl", STRESSES, np.linalg.inv(C), STRESSES).reshape(count**2, k * k)
@@ -65,8 +65,8 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
 
 
 def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
-    """Return the stress (m, 3 corners, 3), (xx, yy, xy), Pa, of `hybrid` elements.
-    strain : (m, 3 corners, 3).    C : (3, 3) matrix from strains to stresses, Pa."""
+    """Return the stresses (xx, yy, xy), Pa, at the corners of `hybrid` elements, (m, 3 corners, 3).
+    strain : (m, 3 corners, 3) strains (xx, yy, 2 xy).    C : (3, 3) matrix from strains to stresses, Pa."""
     work = (hybrid_rigidity(surface, C) @ strain.reshape(-1, 9, 1)).reshape(-1, 3, 3)
     return np.asarray(INVERSE_MASS @ work / surface.areas[:, None, None])
 
@@ -74,10 +74,10 @@ def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
 def membrane_stiffness(
     surface: Surface, material: Material, thickness: float, law: Law = "plane_stress", elements: Elements = PAPER
 ) -> csr_array:
-    """Return the membrane stiffness, N/m, over the unknowns of `elements`; by default (3 n, 3 n).
+    """Return the membrane stiffness matrix, N/m, for the unknowns of `elements`; its default shape is (3 n, 3 n).
     `constant`: the constant-strain triangle [Turner et al. 1956].
     `quadratic`: the linear-strain triangle [Fraeijs de Veubeke 1965].
-    `hybrid`: stresses in equilibrium inside."""
+    `hybrid`: stress functions that satisfy equilibrium inside each triangle."""
     if elements.membrane == "quadratic":
         return _quadratic(surface, material.membrane(law) * thickness, elements)
     if elements.membrane == "hybrid":
@@ -87,8 +87,8 @@ def membrane_stiffness(
 
 
 def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBlocks:
-    """Return the stiffness of constant-strain triangles as blocks, for pairs of vertices with an edge or hinge.
-    C : (3, 3) isotropic matrix from strains to forces per length, N/m. The block of two corners of a face is
+    """Return the stiffness of constant-strain triangles: a 3 x 3 block for each pair of vertices on an edge or hinge.
+    C : (3, 3) isotropic matrix from strains to forces per length, N/m. A face adds to the block of two corners:
 
     A (lam g f^T + mu f g^T + mu (g . f) P),    A : area of the face, lam = C[0, 1], mu = C[2, 2]
     g, f : gradients of the corners' linear functions.    P : projector onto the face."""
@@ -126,9 +126,9 @@ def _doubled_area_gradients(surface: Surface) -> Floats:
 
 
 def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> Floats:
-    """Return the mean in-plane strain (m, 3), (xx, yy, 2 xy), of each face in its tangent frame [Turner et al. 1956].
-    u       : (n, 3) displacements, metres.
-    bubbles : (e, 2) edge bubbles of `quadratic` along t and m, metres."""
+    """Return the mean in-plane strain (xx, yy, 2 xy) of each face (m, 3), in the face's frame [Turner et al. 1956].
+    u       : (n, 3) displacements of the vertices, metres.
+    bubbles : (e, 2) further displacement of each edge's midpoint, along and across the edge, metres."""
     t = tangents(surface)
     slope, moved = hat_gradients(surface) @ t.transpose(0, 2, 1), u[surface.F] @ t.transpose(0, 2, 1)
     strain = voigt(slope[:, 0], moved[:, 0]) + voigt(slope[:, 1], moved[:, 1]) + voigt(slope[:, 2], moved[:, 2])
@@ -141,7 +141,7 @@ def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> F
 
 
 def corner_strains(surface: Surface) -> Floats:
-    """Return the strains (xx, yy, 2 xy) of each face per metre of displacement x, y, z: (m, 3, 9)."""
+    """Return the matrix (m, 3, 9) of each face from displacements x, y, z of its corners to strains (xx, yy, 2 xy)."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)  # (m, 3 corners, 2) hat gradients in the face's frame
     moved = voigt(slope[:, :, None, :], t.transpose(0, 2, 1)[:, None, :, :])  # (m, corner, xyz, strain)
@@ -149,9 +149,9 @@ def corner_strains(surface: Surface) -> Floats:
 
 
 def bubble_strains(surface: Surface, weights: Floats) -> Floats:
-    """Return the strains (xx, yy, 2 xy) of each face per metre of edge bubbles, (m, 3, 6).
-    weights : (3,) barycentric coordinates of the point.
-    Columns: first the bubbles along the three edges, then across the three edges."""
+    """Return strains (xx, yy, 2 xy) at a point of each face per metre of displacement of edge midpoints, (m, 3, 6).
+    Columns: first displacements along the three edges, then across the three edges.
+    weights : (3,) barycentric coordinates of the point."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
     # slopes of the bubbles 4 phi_j phi_k

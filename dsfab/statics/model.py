@@ -31,7 +31,7 @@ class Material:
             raise StaticsError(f"density = {self.density} kg/m3 must not be negative")
 
     def membrane(self, law: Law) -> Floats:
-        """Return the matrix (3, 3), Pa, from strains (xx, yy, 2 xy) in the sheet's plane to stresses (xx, yy, xy).
+        """Return the matrix (3, 3), Pa, that maps in-plane strains (xx, yy, 2 xy) to stresses (xx, yy, xy).
         `plane_stress`: the thickness is free to change.
         `stvk`: linearised St. Venant-Kirchhoff law with constant thickness."""
         mu = self.young / (2 * (1 + self.poisson))
@@ -45,7 +45,7 @@ class Material:
         return self.young * thickness**3 / (12 * (1 - self.poisson**2))
 
     def bending(self, thickness: float) -> Floats:
-        """Return the matrix (3, 3) from curvatures (xx, yy, 2 xy) of a plate to moments per length, N m (Kirchhoff)."""
+        """Return the Kirchhoff plate's matrix (3, 3), N m, from curvatures (xx, yy, 2 xy) to moments per length."""
         nu = self.poisson
         return self.bending_stiffness(thickness) * np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]])
 
@@ -54,8 +54,8 @@ class Material:
 class SheetModel:
     """A thin elastic sheet.
     surface : middle surface.    thickness : metres.
-    clamped : (e,) edges that do not rotate, besides the edges that supports clamp.
-    carried : (n,) masses that vibrate with the sheet, kg.
+    clamped : (e,) mask of edges that cannot rotate. Supports may clamp further edges.
+    carried : (n,) additional masses at the vertices that vibrate with the sheet, kg.
     rigidity : (m, 3, 3) bending stiffness of each face, N m, in its frame; None for `Material.bending` everywhere."""
 
     surface: Surface
@@ -68,11 +68,11 @@ class SheetModel:
 
     @property
     def bending(self) -> Floats:
-        """Matrix from curvatures (xx, yy, 2 xy) to moments per length, N m: (3, 3), or (m, 3, 3) with `rigidity`."""
+        """Matrix from curvatures (xx, yy, 2 xy) to moments per length, N m: (3, 3), or `rigidity` (m, 3, 3)."""
         return self.material.bending(self.thickness) if self.rigidity is None else self.rigidity
 
     def with_clamped_edges(self, load: LoadCase) -> LoadCase:
-        """Return a copy of the load case with this sheet's clamped edges."""
+        """Return a copy of the load case in which this sheet's clamped edges are also clamped."""
         if self.clamped is None:
             return load
         return replace(load, clamped=self.clamped | load.clamped if len(load.clamped) else self.clamped)
@@ -80,7 +80,7 @@ class SheetModel:
 
 @dataclass(frozen=True)
 class SheetMaterial:
-    """Material, thickness (m) and law of a sheet."""
+    """Material, thickness (m) and material law (see `Material.membrane`) of a sheet."""
 
     material: Material
     thickness: float

@@ -32,12 +32,12 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.surface.fields import hat_gradients, tangents
 
 HELD_ACROSS = "the supports are assumed to prevent movements out of the sheet's plane"
-UPRIGHT = f"{HELD_ACROSS}, and to clamp the supported edges, because a hinged sheet would fall over"
+UPRIGHT = f"{HELD_ACROSS}, and to clamp the supported edges, because a sheet on hinged supports would fall over"
 
 
 @dataclass(frozen=True, eq=False)
 class ModeSupports:
-    """Supports for vibration and buckling. load : a load case with these supports. told : assumptions, or ''."""
+    """Supports for vibration and buckling, in the load case `load`. told : message about assumed supports, or ''."""
 
     load: LoadCase
     told: str = ""
@@ -45,7 +45,7 @@ class ModeSupports:
 
 def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -> ModeSupports:
     """Return the supports for vibration and buckling.
-    A sheet that is solved in its plane (`plane`) also gets supports normal to this plane."""
+    A flat sheet with in-plane loads also gets supports normal to its plane, unless `plane` is False."""
     axis = flat_axis(surface, load)
     if axis is None or plane is False:
         return ModeSupports(load)
@@ -67,12 +67,12 @@ FOR_FREQUENCIES, FOR_BUCKLING = elements_of("frequency"), elements_of("buckling"
 HATS = (np.eye(3) + 1) / 12  # Integrals of products of two linear functions phi over a triangle of area 1.
 BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45  # Integrals of products of two edge bubbles; a bubble is 4 phi_j phi_k.
 HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
-"""Integrals of phi_i (row) times the bubble of half-edge c (column). Half-edge c begins at corner c."""
+"""Integrals of linear functions phi_i (row i) times the bubble of half-edge c (column c), which begins at corner c."""
 VOIGT = np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 0.5], [0.5, 0]]])
-"""Symmetric matrices of unit curvatures (xx, yy, 2 xy)."""
+"""Three symmetric matrices (2, 2): the curvature tensors with xx = 1, with yy = 1, and with 2 xy = 1."""
 
 MODE_RESIDUAL = 1e-3
-"""Largest accepted relative residual of a mode, in the norm of the stiffness.
+"""Largest accepted relative residual of a mode, in the energy norm.
 The residual bounds the relative error of the frequency or buckling factor [Parlett 1980, 4.5]."""
 LANCZOS_RESIDUAL = 1e-8  # relative residual of Ritz vectors at which ARPACK stops; eigenvalues are far more accurate
 
@@ -81,7 +81,7 @@ INDEPENDENT = 1e-6  # Combinations of unit-energy vectors with less energy than 
 
 @dataclass(frozen=True, eq=False)
 class Vibration:
-    """Free vibrations. hertz : (k,) natural frequencies, ascending. shapes : (k, n, 3), largest displacement 1."""
+    """Natural frequencies `hertz` (k,), ascending, and mode shapes `shapes` (k, n, 3), with largest displacement 1."""
 
     hertz: Floats
     shapes: Floats
@@ -92,9 +92,9 @@ class Vibration:
 
 @dataclass(frozen=True, eq=False)
 class Buckling:
-    """Linear buckling.
-    factor : (k,) load factors at buckling, ascending, perhaps fewer than requested.
-    shapes : (k, n, 3), largest displacement 1."""
+    """Result of a linear buckling analysis. It may have fewer modes than requested.
+    factor : (k,) load factors at buckling, ascending.
+    shapes : (k, n, 3) mode shapes, scaled to the largest displacement 1."""
 
     factor: Floats
     shapes: Floats
@@ -114,8 +114,8 @@ def frequencies(
 ) -> Vibration:
     """Return the lowest natural frequencies of small vibrations: K x = omega^2 M x.
 
-    fixed     : (n, 3) fixed directions.    spring : (n, 3) stiffness of elastic supports, N/m.
-    K         : stiffness of the sheet without springs, if known.
+    fixed     : (n, 3) mask of fixed directions.    spring : (n, 3) stiffness of spring supports, N/m.
+    K         : stiffness matrix of the sheet without springs, if known.
     Raises StaticsError for a material without density, for mechanisms, and for more modes than unknowns."""
     surface, density = sheet.surface, sheet.material.density
     if not density > 0:
@@ -132,7 +132,7 @@ def frequencies(
 
 
 def mass_of_loads(loads: Iterable[LoadCase]) -> Floats | None:
-    """Return masses (n,), kg, at the vertices, with the weight of the downward loads; None without loads."""
+    """Return the masses (n,), kg, at the vertices with the same weight as the downward loads; None without loads."""
     masses = None
     for load in loads:
         up = load.force[:, 2]
@@ -154,7 +154,7 @@ def buckling(
     """Return the lowest positive load factors of linear buckling: K x = factor (-K_g) x.
     Real thin shells buckle at lower factors, cylinders at 0.2 to 0.5 of them [Koiter 1945; NASA SP-8007].
 
-    answer : equilibrium under `load`.    K : stiffness of the sheet without springs, if known.
+    answer : equilibrium under `load`.    K : stiffness matrix of the sheet without springs, if known.
     Raises StaticsError for mechanisms, and if the modes do not converge."""
     surface = sheet.surface
     resultant = sheet.thickness * stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles)
@@ -169,12 +169,12 @@ def buckling(
 
 
 LOCAL_SHARE = 0.02
-"""A mode is local if it moves less than this fraction of the sheet's area, for example only a loose end."""
+"""A mode is local if less than this fraction of the sheet's area moves in it, for example only a loose end."""
 MODES_BESIDE_LOCAL = 6  # number of modes to compute if the lowest mode is local
 
 
 def moved_share(surface: Surface, shapes: Floats) -> Floats:
-    """Return the share (k,) of the area that each shape (k, n, 3) moves [participation ratio, Bell and Dean 1970]."""
+    """Return the fraction (k,) of the area that moves in each of k mode shapes (k, n, 3) [Bell and Dean 1970]."""
     squares = (shapes**2).sum(axis=2)
     area = surface.vertex_areas
     return np.asarray((squares @ area) ** 2 / (area.sum() * (squares**2 @ area)))
@@ -188,7 +188,7 @@ def lowest_buckling(
     K: csr_array | None = None,
     factor_of: FactorFunction | None = None,
 ) -> tuple[float | None, str]:
-    """Return the lowest buckling factor, or None if nothing buckles, and a note, or ''."""
+    """Return the lowest buckling factor, None if nothing buckles, and a note if the lowest mode is local, else ''."""
     factors = factor_of or FactorCache()
     K = sheet_stiffness(sheet, elements) if K is None else K
     lowest = buckling(sheet, load, answer, 1, elements, K, factors)
@@ -201,15 +201,16 @@ def lowest_buckling(
     x, y, z = sheet.surface.V[np.linalg.norm(lowest.shapes[0], axis=1).argmax()].round(2).tolist()
     is_global = moved_share(sheet.surface, several.shapes) >= LOCAL_SHARE
     clause = (
-        f"the first mode that moves {LOCAL_SHARE:.0%} of the area or more has factor {several.factor[is_global][0]:.3g}"
+        f"the first buckling mode that moves {LOCAL_SHARE:.0%} of the area or more has the factor "
+        f"{several.factor[is_global][0]:.3g}"
         if is_global.any()
-        else f"the first {len(several.factor)} modes are all local"
+        else f"the first {len(several.factor)} buckling modes are all local"
     )
     return float(lowest.factor[0]), f"local: its mode moves {share:.1%} of the area, at ({x}, {y}, {z}) m; {clause}"
 
 
 def mass_matrix(surface: Surface, per_area: float, elements: Elements) -> csr_array:
-    """Return the mass matrix (u, u), kg, over the unknowns of `elements`. per_area : mass per area, kg/m2."""
+    """Return the mass matrix (u, u), kg, for the u unknowns of `elements`. per_area : mass per area, kg/m2."""
     scalar = np.block([[HATS, HAT_BUBBLES], [HAT_BUBBLES.T, BUBBLE_PAIRS]])
     names = [name for name in BUBBLES if name in elements.on_edges]
     frames = edge_frames(surface)[surface.edges.of]
@@ -222,19 +223,19 @@ def mass_matrix(surface: Surface, per_area: float, elements: Elements) -> csr_ar
 
 
 def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements) -> csr_array:
-    """Return the geometric stiffness K_g, N/m, over the unknowns of `elements`, for membrane forces N:
+    """Return the geometric stiffness matrix K_g, N/m, for the unknowns x of `elements` and membrane forces N:
 
         x . K_g x  =  integral of  sum over i of  grad x_i . N grad x_i     [Zienkiewicz and Taylor 2000, vol. 2, 11]
 
-    resultant : (m, 3, 3) force per length N, N/m, tangent to each face."""
+    resultant : (m, 3, 3) membrane forces N of each face, N/m, as tensors tangent to the face."""
     slopes, columns = _slopes(surface, elements)
     blocks = np.einsum("majx,mab,mbjy->mxy", slopes, _in_faces(surface, resultant), slopes, optimize=True)
     return assemble_blocks(blocks, columns, elements.unknowns(surface))
 
 
 def geometric_products(surface: Surface, resultants: Floats, elements: Elements, modes: Floats) -> Floats:
-    """Return x_i . K_g x_j (b, s, s) for the s columns x of `modes` (u, s).
-    resultants : (b, m, 3, 3) b fields of membrane forces per length, N/m."""
+    """Return x_i . K_g x_j (b, s, s) for each pair of columns x of `modes` (u, s).
+    K_g is the geometric stiffness under each of b fields of membrane forces, `resultants` (b, m, 3, 3), N/m."""
     slopes, columns = _slopes(surface, elements)
     along = np.einsum("majx,mxs->majs", slopes, modes[columns], optimize=True)
     rows, count = 10 * surface.m, modes.shape[1]
@@ -248,7 +249,7 @@ def _in_faces(surface: Surface, resultant: Floats) -> Floats:
 
 
 def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
-    """Return the slopes (m, 2, 5, c) of faces per unit of their c unknowns, and the numbers (m, c) of the unknowns."""
+    """Return displacement gradients (m, 2, 5, c) of faces per unit of c unknowns, and the unknowns' indices (m, c)."""
     names = ("normal", "rotation") if elements.bending == "hhj" else ()
     mean = _mean_gradients(surface, names) * np.sqrt(surface.areas)[:, None, None, None]
     slopes = np.concatenate([mean, np.zeros((surface.m, 2, 2, mean.shape[3]))], axis=2)
@@ -291,11 +292,13 @@ def _supported_modes(
 
 def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bool = True) -> tuple[Floats, Floats]:
     """Return the largest positive eigenvalues mu (k,) of A x = mu K x, descending, and eigenvectors x (k, u).
-    factor : K, factorised.    are_results : False for a faster, less accurate solution.
-    Raises StaticsError without convergence or accurate results."""
+    factor : factorisation of K.    are_results : False for a faster, less accurate solution.
+    Raises StaticsError if the eigenvalues do not converge or are not accurate."""
     N = len(factor.free)
     if not 1 <= count < N:
-        raise StaticsError(f"the sheet has {N} unknowns, so {count} modes are impossible; request 1 to {N - 1} modes")
+        raise StaticsError(
+            f"the model of the sheet has {N} unknowns, so {count} modes are impossible; request 1 to {N - 1} modes"
+        )
     scaled = ScaledStiffness(A, factor.free, factor.scale)
     products = scaled.__matmul__, factor.map.__matmul__, factor.solve
     operator, M, Minv = (LinearOperator((N, N), matvec=product, dtype=np.float64) for product in products)
@@ -305,7 +308,10 @@ def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bo
         # the Lanczos method needs many restarts if the load barely compresses the sheet
         mu, x = eigsh(operator, count, M=M, Minv=Minv, which="LA", v0=start, maxiter=500, tol=tolerance)
     except ArpackNoConvergence as error:
-        raise StaticsError("the modes do not converge: the load barely compresses the sheet, or not at all") from error
+        raise StaticsError(
+            "the computation of buckling modes does not converge: the load compresses the sheet very little, or not "
+            "at all"
+        ) from error
     is_mode = mu > 1e-10 * np.abs(mu).max()  # smaller values are rounding errors
     mu, x = mu[is_mode], x[:, is_mode]
     if are_results and len(mu):
@@ -328,7 +334,7 @@ def _accurate_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) ->
 
 def refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
     """Return more accurate eigenvalues mu (k,) and eigenvectors x (N, k) of A x = mu K x [Davidson 1975].
-    Return also the last change (k,) of each eigenvalue. factor : K, factorised."""
+    Return also the last change (k,) of each eigenvalue. factor : factorisation of K."""
     K, change = factor.map.astype(np.longdouble), np.full(len(mu), np.inf)
     Kx = (K @ x).astype(np.float64)
     for _ in range(REFINEMENTS):

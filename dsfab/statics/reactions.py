@@ -1,4 +1,4 @@
-"""Reactions and resultants of the supports and loads of a preset."""
+"""Reactions of supports, and resultants of loads."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ class Resultant:
 
 
 def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> Resultant:
-    """Return the resultant of forces (n, 3) at the vertices, N, and torques (e,) about the edges, N m."""
+    """Return the resultant of forces (n, 3), N, at the vertices and of torques (e,), N m, about the edges."""
     moment = np.cross(surface.V, force).sum(axis=0)
     if torque is not None and len(torque):
         ends = surface.V[surface.edges.ends]
@@ -35,8 +35,8 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 
 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
-    """Return the resultant of each support's forces and torques on the sheet.
-    Torques at edges that the sheet itself clamps may belong to no support."""
+    """Return the resultant of the forces and torques of each support on the sheet.
+    Torques at clamped edges that touch no support belong to no resultant. answer : solution with the reactions."""
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)
     torques = np.zeros((len(supports), 0))
@@ -48,7 +48,7 @@ def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equ
 
 
 def support_forces(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> Floats:
-    """Return the forces (s, n, 3), N, of each support on each vertex."""
+    """Return the forces (s, n, 3), N, of each of s supports on each vertex. answer : solution with the reactions."""
     fixed = np.array([support.fixed_directions(surface) for support in supports])
     springs = np.array([support.springs(surface) for support in supports])
     # a spring carries nothing in a direction that a support fixes, because the spring does not stretch
@@ -63,11 +63,11 @@ def _shares(parts: Floats) -> Floats:
 @dataclass(frozen=True, eq=False)
 class SupportEntry:
     """A support and its reactions.
-    place    : (3,) mean of the supported vertices, metres.
-    length   : metres of supported edges; 0 for points.    area : supported area, m2.
+    place    : (3,) mean position of the supported vertices, metres.
+    length   : length of the supported edges, metres; 0 for points.    area : supported area, m2.
     holds    : fixed directions, springs and clamping, such as 'xyz', 'z, clamped' or 'spring xy'.
-    reaction : (3,) newtons on the sheet, by case.
-    share    : share of the support in the forces of all supports, 0 to 1, by case."""
+    reaction : (3,) force on the sheet, newtons, for each load case by name.
+    share    : this support's forces divided by the forces of all supports (sums of magnitudes), by load case."""
 
     name: str
     vertices: int
@@ -86,7 +86,7 @@ class SupportEntry:
 class LoadEntry:
     """A load and its resultant.
     force : (3,) sum of the load's forces, N.    total : sum of the magnitudes of these forces, N.
-    area  : loaded faces, m2.                    length : loaded edges, metres."""
+    area  : area of loaded faces, m2.            length : length of loaded edges, metres."""
 
     name: str
     kind: str
@@ -104,8 +104,8 @@ class LoadEntry:
 def support_entries(
     surface: Surface, supports: Sequence[Support], answers: Mapping[str, Equilibrium] | None = None
 ) -> tuple[SupportEntry, ...]:
-    """Return the supports with places, sizes, and reactions in each case of `answers`.
-    Raises SurfaceError for a support that selects no vertex."""
+    """Return each support with its position, its size, and its reactions.
+    answers : solution of each load case, by name. Raises SurfaceError for a support that selects no vertex."""
     reactions: dict[str, list[Floats]] = {}
     shares: dict[str, Floats] = {}
     for case, answer in (answers or {}).items():
@@ -126,7 +126,8 @@ def support_entries(
 
 
 def _extent(surface: Surface, picked: Bools) -> tuple[int, Floats, float, float]:
-    """Return number and mean place of the picked vertices, and length and area between them."""
+    """Return the number and the mean position (3,) of the vertices with the mask `picked`.
+    Return also the length (m) of edges and the area (m2) of faces between these vertices."""
     faces, edges = surface.faces_of(picked), surface.edges
     inner = np.zeros(len(edges.ends), dtype=bool)
     inner[edges.of[faces]] = True
@@ -142,8 +143,8 @@ def _holds(support: Support) -> str:
 
 
 def load_entries(surface: Surface, loads: Sequence[Load], weight: float) -> tuple[LoadEntry, ...]:
-    """Return the loads with resultants and sizes, without the factors of combinations.
-    weight : weight of the sheet, N/m2. Raises SurfaceError for a load without effect."""
+    """Return each load with its resultant and size. Factors of load combinations are not applied.
+    weight : weight of the sheet per area, N/m2. Raises SurfaceError for a load without effect."""
     entries = []
     for name, load in zip(load_names(loads), loads, strict=True):
         force, spread = load.forces(surface, weight), spread_load(surface, [load], weight)

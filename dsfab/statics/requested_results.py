@@ -22,9 +22,9 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class ResultRequest:
-    """Requests for further results of a sheet.
-    strength    : Pa; 0 for no comparison.
-    frequencies : number of natural frequencies.    buckling : number of load factors."""
+    """Further results to compute for a sheet.
+    strength    : strength to compare the stress with, Pa; 0 for no comparison.
+    frequencies : number of natural frequencies.    buckling : number of buckling load factors."""
 
     strength: float = 0.0
     frequencies: int = 0
@@ -35,7 +35,7 @@ class ResultRequest:
 
     @property
     def modes(self) -> int:
-        """Number of requested vibration and buckling modes together."""
+        """Sum of the numbers of requested vibration modes and buckling modes."""
         return self.frequencies + self.buckling
 
     def elements_for(self, elements: Elements) -> Elements:
@@ -43,7 +43,7 @@ class ResultRequest:
         return elements_of("stress") if self and elements not in REPORTED else elements
 
     def factor_for(self, elements: Elements) -> FactorFunction:
-        """Return the function that factorises the stiffness."""
+        """Return the function that factorises the stiffness matrix; it keeps a factorisation that modes can use."""
         return FactorCache() if self.modes and self.elements_for(elements) == elements else stiffness_factor
 
 
@@ -51,8 +51,8 @@ class ResultRequest:
 class Answers:
     """Results of a sheet under one load.
     vibration, buckling : None if not requested or not computed.
-    refusals  : reasons for missing results.
-    assumed   : assumptions about the supports, or ''."""
+    refusals  : reasons why requested results are missing.
+    assumed   : message about supports that the program assumes for modes; '' if it assumes none."""
 
     elements: Elements
     equilibrium: Equilibrium
@@ -65,10 +65,10 @@ class Answers:
 
 @dataclass(frozen=True, eq=False)
 class SolvedCase:
-    """A load case and the equilibrium.
-    spread    : load on faces and edges.
-    factor_of : function that factorised the stiffness.
-    plane     : True if the sheet was solved in one plane."""
+    """A load case and its solution.
+    spread    : distributed load on faces and edges.
+    factor_of : function that factorised the stiffness matrix.
+    plane     : True if the sheet was solved only in its plane; None to find out from its shape and loads."""
 
     load: LoadCase
     spread: SpreadLoad
@@ -85,9 +85,9 @@ def sheet_answers(
     requested: ResultRequest,
     other_factors: FactorFunction | None = None,
 ) -> Answers:
-    """Return stress and energy of a solved sheet, and the requested results.
-    stiffness     : function that returns the stiffness matrix by given elements.
-    other_factors : function that factorises any matrix other than that of the case.
+    """Return the stress and the strain energy of a solved sheet, and the requested results.
+    stiffness     : function that returns the stiffness matrix for given elements.
+    other_factors : function that factorises further stiffness matrices.
     Raises StaticsError if more accurate elements cannot solve the sheet."""
     load, solved, factor_of, surface = case.load, case.equilibrium, case.factor_of, sheet.surface
     plane = flat_axis(surface, load) is not None if case.plane is None else case.plane

@@ -30,14 +30,14 @@ from dsfab.surface.mesh import Surface
 class Equilibrium:
     """Solution of a surface under a load.
 
-    u          : (n, 3) displacements, metres.
+    u          : (n, 3) displacements of the vertices, metres.
     reaction   : (n, 3) forces of the supports and springs on the sheet, newtons; zero at free vertices.
     compliance : twice the elastic energy, joules.
-    imbalance  : largest component of the sums of all forces, and of all moments divided by the surface's size; as a
-                 fraction of the sum of the loads' magnitudes.
-    residual   : relative rounding error of u in the norm of energy.
-    on_edges   : unknowns on edges (e,), by name: `rotation` and `slope` in radians; bubbles `along`, `across` and
-                 `normal` in metres. Empty for the elements `PAPER`.
+    imbalance  : largest component of two sums: all forces, and all moments divided by the surface's size.
+                 It is a fraction of the sum of the loads' magnitudes.
+    residual   : relative rounding error of u in the energy norm.
+    on_edges   : unknowns on edges (e,), by name: `rotation` and `slope` in radians; edge bubbles `along`, `across`
+                 and `normal` in metres. Empty for the elements `PAPER`.
     torque     : (e,) moments of the supports about clamped edges, N m; empty for elements without rotations."""
 
     u: Floats
@@ -61,7 +61,7 @@ class Equilibrium:
 
     @property
     def bubbles(self) -> Floats | None:
-        """(e, 2) displacement of each edge's middle from the mean of its ends, metres, along and across the edge.
+        """Displacement (e, 2) of each edge's midpoint relative to the mean of its ends, along and across it, metres.
         None for elements with constant strain."""
         if "along" not in self.on_edges:
             return None
@@ -69,7 +69,7 @@ class Equilibrium:
 
 
 def flat_axis(surface: Surface, *loads: LoadCase) -> int | None:
-    """Return the axis normal to a flat sheet whose loads lie in its plane; else None."""
+    """Return the coordinate axis (0 to 2) normal to a flat sheet with in-plane loads; None for any other sheet."""
     for axis in range(3):
         flat = np.ptp(surface.V[:, axis]) <= 1e-9 * surface.size
         if flat and all(np.abs(load.force[:, axis]).max() <= 1e-12 * np.abs(load.force).max() for load in loads):
@@ -86,8 +86,8 @@ def equilibrium(
     factor_of: "FactorFunction | None" = None,
 ) -> Equilibrium:
     """Return displacements, reactions and compliance of a sheet with a known stiffness under a load.
-    K         : stiffness without springs, N/m, over the unknowns of `elements`: x, y, z of each vertex, then edges.
-    spread    : part of the load on faces and edges; `load` contains the forces on vertices, too.
+    K         : stiffness matrix without springs, N/m. Unknowns: x, y, z of each vertex, then unknowns of edges.
+    spread    : the distributed part of the load. `load` also contains this part, as forces on vertices.
     Raises StaticsError if the supports leave a motion free, or if the solution does not balance the loads."""
     return equilibria(surface, K, [load], elements, [spread] if spread else None, (), factor_of)[0]
 
@@ -102,8 +102,8 @@ def equilibria(
     factor_of: "FactorFunction | None" = None,
 ) -> tuple[Equilibrium, ...]:
     """Return the equilibrium of each load, then of each combination of the loads.
-    spreads : part of each load on faces and edges.    sums : for each combination, a factor for each load.
-    Raises StaticsError, also for loads on different supports."""
+    K : stiffness matrix without springs, N/m.    spreads : the distributed part of each load.
+    sums : for each combination, a factor for each load. Raises StaticsError, also for loads on different supports."""
     _require_same_supports(loads)
     is_held = held_unknowns(surface, loads, elements)
     F = np.stack([load.force.ravel() for load in loads], axis=1)
@@ -130,8 +130,8 @@ def _require_same_supports(loads: Sequence[LoadCase]) -> None:
 
 
 def held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Elements, plane: bool | None = None) -> Bools:
-    """Return a mask (u,) of the unknowns that do not move. All loads must have equal supports.
-    plane : False to let a flat sheet leave its plane.    Raises StaticsError if the supports leave a motion free."""
+    """Return a mask (u,) of the unknowns that cannot move. All loads must have equal supports.
+    plane : False lets a flat sheet move out of its plane. Raises StaticsError if the supports leave a motion free."""
     reference = loads[0]
     clamped = all_clamped(reference)
     require_clampable(surface, elements, clamped)
@@ -150,12 +150,12 @@ def held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Element
 def equilibrium_of_unknowns(
     surface: Surface, load: LoadCase, elements: Elements, unbalanced: Floats, x: Floats, is_held: Bools
 ) -> Equilibrium:
-    """Return the equilibrium with the solved unknowns x (u,), without compliance and residual (0).
-    unbalanced : (u,) forces of supports and springs on the sheet."""
+    """Return the equilibrium for known values x (u,) of the unknowns. Its compliance and residual are left at 0.
+    unbalanced : (u,) forces of supports and springs on the sheet, N.    is_held : (u,) mask of fixed unknowns."""
     corners, edges = np.split(x, [3 * surface.n])
     forces, on_edges = np.split(unbalanced, [3 * surface.n])
     u = corners.reshape(-1, 3)
-    # spring forces are -k u, because K x - f would hide errors of u
+    # take spring forces from u, because K x - f hides errors of u
     reaction = np.where(load.fixed, forces.reshape(-1, 3), 0.0) - load.spring * u
     imbalance = _imbalance(surface, load.force, reaction, _torque(elements, on_edges))
     torque = _torque(elements, np.where(is_held[3 * surface.n :], on_edges, 0.0))
@@ -193,18 +193,19 @@ def require_solved(surface: Surface, imbalance: float, residual: float) -> None:
         either = f"{'some triangles are too flat, or ' if needles else ''}the sheet is nearly a mechanism"
         raise StaticsError(
             f"loads and reactions differ by {imbalance:.1e} of the load (relative residual {residual:.1e}): "
-            f"{either}; hold more directions, use a thicker sheet, or a finer mesh{needles}"
+            f"{either}; hold more directions at the supports, or use a thicker sheet or a finer mesh{needles}"
         )
     raise StaticsError(
         f"the relative residual of the solution is {residual:.1e} (limit {RESIDUAL:g}): the sheet is too thin for its "
-        f"size or nearly a mechanism; use a thicker sheet, hold more directions, or remove very flat triangles{needles}"
+        f"size or nearly a mechanism; use a thicker sheet, hold more directions at the supports, or remove very flat "
+        f"triangles{needles}"
     )
 
 
 def solution(
     surface: Surface, K: csr_array, F: Floats, is_held: Bools, factor_of: FactorFunction
 ) -> tuple[Floats, Floats]:
-    """Solve K U = F for forces F (N, k). Return U (N, k), and the relative residual (k,) of each column."""
+    """Solve K U = F for k load vectors F (N, k). Return U (N, k), and the relative residual (k,) of each column."""
     U = np.zeros(F.shape)
     if not (~is_held & (K.diagonal() > 0)).any():
         return U, np.zeros(F.shape[1])

@@ -1,4 +1,4 @@
-"""Stiffness of a sheet from membrane and bending."""
+"""Stiffness matrix of a sheet: sum of membrane and bending stiffness."""
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -20,11 +20,11 @@ from dsfab.statics.solve import flat_axis, held_unknowns
 from dsfab.surface import LoadCase, Surface
 
 Row = Callable[[str], AbstractContextManager[object]]
-"""A function that opens a row in a table of times, and adds the time of the enclosed block to it."""
+"""A function that returns a context manager, which adds the time of its `with` block to a row in a table of times."""
 
 
 def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontext) -> csr_array:
-    """Return the stiffness (N, N), N/m, over the unknowns of `elements`."""
+    """Return the stiffness matrix (N, N), N/m, for the N unknowns of `elements`. row : records the time in a table."""
     surface, material, thickness = sheet.surface, sheet.material, sheet.thickness
     if elements == PAPER:
         with row("membrane"):
@@ -41,12 +41,12 @@ def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontex
 
 @dataclass(frozen=True, eq=False)
 class FaceStiffness:
-    """Stiffness K of a sheet: the sum of s_f K_f, with a factor s_f for each face.
-    blocks  : (m, c, c) K_f, N/m.
-    unknown : (m, c) free unknown of each row of K_f, `count` if it is fixed.
-    places  : (nnz, m) matrix that multiplies factors s (m,) and gives the nonzero values of K.
-    points  : vertices and middles of edges.    node : (count,) number of each free unknown's point.
-    force   : (count, k) newtons, of each load."""
+    """Stiffness matrix K of a sheet: the sum of s_f K_f, with a factor s_f and a matrix K_f for each face f.
+    blocks  : (m, c, c) matrices K_f, N/m.
+    unknown : (m, c) index of the free unknown for each row of K_f; `count` for fixed unknowns.
+    places  : (nnz, m) matrix that maps the factors s (m,) to the nonzero values of K.
+    points  : vertices, then edge midpoints.    node : (count,) index in `points` for each free unknown.
+    force   : (count, k) load vectors of k loads, newtons."""
 
     blocks: Floats
     unknown: Ints
@@ -61,7 +61,7 @@ class FaceStiffness:
 
     @classmethod
     def from_sheet(cls, sheet: SheetModel, loads: Sequence[LoadCase]) -> Self:
-        """Return the stiffness of a sheet with the supports of the loads.
+        """Return the stiffness of a sheet; the load cases `loads` define the supports.
         Raises StaticsError if the supports leave a motion free."""
         surface = sheet.surface
         axis = flat_axis(surface, *loads)
@@ -88,26 +88,26 @@ class FaceStiffness:
         return cls(blocks, unknown, count, places, indices, indptr, springs, points, node, np.asarray(force[numbers]))
 
     def matrix(self, scale: Floats) -> csr_array:
-        """Return K (count, count). scale : (m,) factors on the stiffness of the faces."""
+        """Return the stiffness matrix (count, count), N/m. scale : (m,) factor on the stiffness of each face."""
         values = self.places @ scale + self.springs
         return csr_array((values, self.indices, self.indptr), shape=(self.count, self.count))
 
     def factor(self, scale: Floats, earlier: Factor | None = None) -> Factor:
-        """Factorise the stiffness. scale : (m,) factors on the faces' stiffness. Raises StaticsError for a mechanism.
-        earlier : an earlier factorisation, which is overwritten."""
+        """Factorise the stiffness matrix. scale : (m,) factor on each face's stiffness.
+        earlier : an earlier factorisation, which this method overwrites. Raises StaticsError for a mechanism."""
         try:
             if earlier is None:
                 return factorise(self.matrix(scale), self.points, self.node)
             earlier.refactor(self.matrix(scale))
         except NotPositiveDefinite as error:
             raise StaticsError(
-                "the sheet can move without resistance while it is optimised; add supports, or check the mesh with "
+                "during the optimisation, the sheet can move without resistance; add supports, or check the mesh with "
                 "`dsfab inspect`"
             ) from error
         return earlier
 
     def energies(self, x: Floats) -> Floats:
-        """Return twice the energy (m, k) of each unscaled face, J, for k solutions x (count, k)."""
+        """Return twice the strain energy (m, k), J, of each face at its full stiffness, for solutions x (count, k)."""
         moved = np.concatenate([x, np.zeros((1, x.shape[1]))])[self.unknown]
         return np.asarray(np.einsum("mck,mck->mk", moved, self.blocks @ moved))
 
@@ -115,7 +115,7 @@ class FaceStiffness:
 def face_blocks(
     surface: Surface, material: Material, thickness: float, law: Law, elements: Elements
 ) -> tuple[Floats, Ints]:
-    """Return the stiffness (m, c, c) of each face, N/m, and the numbers (m, c) of its c unknowns.
+    """Return the stiffness matrix (m, c, c) of each face, N/m, and the indices (m, c) of its c unknowns.
     c is 9 without bending, or 12 with mid-edge bending."""
     names = ("rotation",) if elements.bending else ()
     columns = elements.columns(surface, *names)

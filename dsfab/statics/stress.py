@@ -22,24 +22,24 @@ def stress(
     surface: Surface, material: Material, u: Floats, law: Law = "plane_stress", bubbles: Floats | None = None
 ) -> Floats:
     """Return the mean membrane stress (m, 3, 3) of each face, Pa, tangent to the face.
-    u : (n, 3) displacements, metres.    bubbles : (e, 2) displacements of the middles of edges."""
+    u : (n, 3) displacements of vertices, m.    bubbles : (e, 2) further displacements of edge midpoints, m."""
     return tensors_in_space(surface, mean_strain(surface, u, bubbles) @ material.membrane(law).T)
 
 
 def tensors_in_space(surface: Surface, planar: Floats) -> Floats:
-    """Return symmetric tensors (m, 3, 3) in space from components xx, yy, xy (m, 3) in the face's frame."""
+    """Return tensors as matrices (m, 3, 3) in global coordinates. planar : (m, 3) xx, yy, xy in each face's frame."""
     t = tangents(surface)
     return np.asarray(t.transpose(0, 2, 1) @ tensor_matrices(planar) @ t)
 
 
 def von_mises(sigma: Floats) -> Floats:
-    """Return the von Mises stress (m,), Pa, of stress tensors (m, 3, 3) [von Mises 1913]."""
+    """Return the von Mises stress (m,), Pa, of stress tensors (m, 3, 3), Pa [von Mises 1913]."""
     deviator = sigma - np.trace(sigma, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3
     return np.asarray(np.sqrt(1.5 * np.einsum("mij,mij->m", deviator, deviator)))
 
 
 def membrane_strains(surface: Surface, answer: Equilibrium) -> Floats:
-    """Return the in-plane strains (xx, yy, 2 xy), (m, 3 corners, 3), at the corners of faces, in the face's frame."""
+    """Return the in-plane strains (xx, yy, 2 xy) at the corners of faces, (m, 3 corners, 3), in each face's frame."""
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
     corner = answer.u[surface.F] @ t.transpose(0, 2, 1)  # (m, corner, 2): displacements in the face's frame
@@ -55,22 +55,22 @@ def membrane_strains(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def membrane_stresses(surface: Surface, material: Material, law: Law, elements: Elements, strain: Floats) -> Floats:
-    """Return the stress (xx, yy, xy), (m, 3 corners, 3), Pa, from `membrane_strains`."""
+    """Return the stress (xx, yy, xy), Pa, at the corners of faces, (m, 3 corners, 3), from `membrane_strains`."""
     C = material.membrane(law)
     return hybrid_stress(surface, C, strain) if elements.membrane == "hybrid" else np.asarray(strain @ C)
 
 
 SMOOTH = np.cos(np.radians(30))
-"""Cosine of 30 degrees. If normals of a face and of its surroundings form a larger angle, a fold is between them."""
+"""Cosine of 30 degrees. If the normals of a face and of its neighbours differ by more, a fold separates them."""
 
 WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of times that xx, yy, zz, yz, xz, xy occur in a tensor.
 HALVES = np.array([1.0, 1.0, 2.0])[:, None]  # Squared norms of unit plane tensors xx, yy and xy.
 
 
 def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool) -> Floats:
-    """Return plane tensors (xx, yy, xy), (m, 3 corners, 3), averaged around each vertex [Hinton and Campbell 1974].
-    frame  : (m, 2, 3) directions of each face.    values : (m, 3 corners, 3) tensors before averaging.
-    sided  : True if values change their sign with the face's normal, like bending."""
+    """Average tensors (xx, yy, xy), (m, 3 corners, 3), over the faces around each vertex [Hinton and Campbell 1974].
+    frame  : (m, 2, 3) axes x and y of each face.    values : (m, 3 corners, 3) tensors before averaging.
+    sided  : True if the values change sign when the face's normal is reversed, as bending stresses do."""
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
     first_face = np.full(surface.n, -1)
@@ -99,21 +99,21 @@ def _tensors(frame: Floats) -> Floats:
 
 
 Layer = Literal["top", "middle", "bottom"]
-"""Layers of a sheet: `top` is half a thickness away on the side of a face's normal, `bottom` on the opposite side."""
+"""Layers of a sheet. `top` is the outer surface in the direction of the faces' normals, `bottom` the opposite one."""
 
 LAYERS: tuple[Layer, ...] = get_args(Layer)
 _SIDE = {"top": -1.0, "middle": 0.0, "bottom": 1.0}
 
 
 class Principal(NamedTuple):
-    """Principal stresses. values : (m, 2) Pa, the larger first. directions : (m, 2, 3) unit vectors in each face."""
+    """Principal stresses `values` (m, 2), Pa, the larger first, and their unit vectors `directions` (m, 2, 3)."""
 
     values: Floats
     directions: Floats
 
 
 class Peak(NamedTuple):
-    """The largest von Mises stress, Pa, on `face`, in `layer`."""
+    """The largest von Mises stress (Pa), with the index `face` and the `layer` where it occurs."""
 
     stress: float
     face: int
@@ -124,10 +124,10 @@ class Peak(NamedTuple):
 class SheetStress:
     """Stress in a thin sheet.
 
-    frame           : (m, 2, 3) two orthonormal directions of each face's plane, for the components.
+    frame           : (m, 2, 3) unit vectors x and y in each face's plane; stress components refer to them.
     membrane        : (m, 3 corners, 3) stress (xx, yy, xy) of the middle surface, Pa.
     bending         : (m, 3 corners, 3) bending stress 6 M / h^2 at the bottom, Pa; the top has the opposite sign.
-    smooth_membrane, smooth_bending : stresses averaged around vertices, if they are linear on faces.
+    smooth_membrane, smooth_bending : stresses averaged around vertices, if they vary linearly on each face.
     membrane_energy, bending_energy : (m,) mean strain energy per area of each face, J/m2."""
 
     frame: Floats
@@ -151,7 +151,7 @@ class SheetStress:
         lock_floats(self, membrane_energy=(m,), bending_energy=(m,))
 
     def at_corners(self, layer: Layer) -> Floats:
-        """Return the stress (xx, yy, xy), (m, 3 corners, 3), in each face's frame, Pa, averaged around each vertex."""
+        """Return the stress (xx, yy, xy) at the corners of faces, (m, 3 corners, 3), Pa, averaged around vertices."""
         return np.asarray(self.smooth_membrane + _SIDE[layer] * self.smooth_bending)
 
     def _mean(self, layer: Layer) -> Floats:
@@ -167,12 +167,12 @@ class SheetStress:
 
     @cached_property
     def von_mises(self) -> Floats:
-        """Von Mises stress (m, 3 layers) of each face, Pa, at the worst corner."""
+        """Von Mises stress (m, 3 layers) of each face, Pa, at the corner where it is largest."""
         return np.stack([plane_von_mises(self.at_corners(layer)).max(axis=1) for layer in LAYERS], axis=1)
 
     @cached_property
     def largest(self) -> Floats:
-        """Largest von Mises stress (m,) of each face, Pa."""
+        """Largest von Mises stress (m,) of each face, Pa, in any layer."""
         return np.asarray(self.von_mises.max(axis=1))
 
     @property
@@ -182,7 +182,7 @@ class SheetStress:
 
     @cached_property
     def peak(self) -> Peak:
-        """Largest von Mises stress with its face and layer."""
+        """Largest von Mises stress (Pa) of the sheet, with its face and layer."""
         face = int(self.largest.argmax())
         row = self.von_mises[face]
         layer = LAYERS[int(row.argmax())] if row.max() > row[LAYERS.index("middle")] else "middle"
@@ -207,13 +207,13 @@ def principal_values(plane: Floats, frame: Floats) -> Principal:
 
 
 def plane_von_mises(stress: Floats) -> Floats:
-    """Return the von Mises stress (...), Pa, of plane stresses (xx, yy, xy), (..., 3) [von Mises 1913]."""
+    """Return the von Mises stress (...), Pa, of plane stresses (..., 3), given as (xx, yy, xy) [von Mises 1913]."""
     xx, yy, xy = stress[..., 0], stress[..., 1], stress[..., 2]
     return np.asarray(np.sqrt(xx * xx - xx * yy + yy * yy + 3 * xy * xy))
 
 
 def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> SheetStress:
-    """Return the stress and the energy of a solved sheet. answer : solution by `elements`."""
+    """Return the stress and the strain energy of a sheet. answer : solution for the sheet, computed with `elements`."""
     surface, material, thickness, law = sheet.surface, sheet.material, sheet.thickness, sheet.law
     strain = membrane_strains(surface, answer)
     membrane = membrane_stresses(surface, material, law, elements, strain)

@@ -1,4 +1,4 @@
-"""Displacements and buckling factors of a sheet at thicknesses near its own, from one factorisation.
+"""Displacements and buckling factors of a sheet if its thickness changes, from one factorisation.
 
 The stiffness at thickness t is K(t) = t A + t^3 B + S: membrane, bending, springs. The loads are f(t) = f0 + t f1.
 Solutions and their derivatives in t form a reduced basis [Noor and Peters 1980; Grimme 1997]. Buckling modes and
@@ -29,9 +29,9 @@ from dsfab.surface import LoadCase, Surface
 INDEPENDENT = 1e-10
 """A vector is independent of earlier vectors if at least this fraction of it lies outside their span."""
 ACCURATE = 2.0
-"""For a sheet solved at thickness t, results are accurate from t / ACCURATE to t ACCURATE. Largest errors on cut
-sheets: 1 % in displacements, 5 % in buckling factors. `SheetModel.rigidity` grows with t^3, so the torsion of ribs
-narrower than three thicknesses can be off by a third."""
+"""A basis made at thickness t is accurate for thicknesses between t / ACCURATE and ACCURATE * t.
+Largest errors on cut sheets: 1 % in displacements, 5 % in buckling factors. `SheetModel.rigidity` is scaled by t^3,
+so the torsion of ribs narrower than three thicknesses can be wrong by a third."""
 DERIVATIVES, MODE_DERIVATIVES = 3, 2  # Number of derivatives of solutions and modes by the thickness.
 MODES = 3  # Number of buckling modes for each load case; with another thickness, another mode may be the lowest.
 CASES = 3  # The basis has buckling modes of the 3 load cases with the largest compression.
@@ -39,9 +39,9 @@ CASES = 3  # The basis has buckling modes of the 3 load cases with the largest c
 
 @dataclass(frozen=True, eq=False)
 class ThicknessStiffness:
-    """Stiffness t A + t^3 B of a sheet of any thickness t, over u unknowns, and supports.
+    """Stiffness matrix t A + t^3 B of a sheet with u unknowns, for any thickness t, and its supports.
     membrane : A (u, u), N/m2.     bending : B (u, u), N/m4.
-    load     : load case with the supports.    is_held : (u,) unknowns that do not move."""
+    load     : load case with the supports.    is_held : (u,) mask of unknowns that cannot move."""
 
     surface: Surface
     elements: Elements
@@ -52,7 +52,7 @@ class ThicknessStiffness:
 
     @classmethod
     def from_sheet(cls, sheet: SheetModel, loads: Sequence[LoadCase], elements: Elements) -> Self:
-        """Return the stiffness of a sheet for any thickness. Raises StaticsError."""
+        """Return the stiffness of a sheet for any thickness. Raises StaticsError if supports leave a motion free."""
         surface, material = sheet.surface, sheet.material
         is_held = held_unknowns(surface, loads, elements, plane=elements.bending is None)
         membrane = membrane_stiffness(surface, material, 1.0, sheet.law, elements)
@@ -62,16 +62,16 @@ class ThicknessStiffness:
         return cls(surface, elements, membrane, bending, loads[0], is_held)
 
     def matrix(self, thickness: float) -> csr_array:
-        """Return the stiffness K (u, u), N/m, at a thickness (m), with the springs of supports."""
+        """Return the stiffness matrix (u, u), N/m, for a thickness (m), including spring supports."""
         return with_springs(csr_array(thickness * self.membrane + thickness**3 * self.bending), self.load)
 
     def product(self, thickness: float, x: Floats) -> Floats:
-        """Return K x (u, k) for x (u, k). K : stiffness at a thickness (m), without springs."""
+        """Return K x for k vectors x (u, k). K : stiffness matrix for a thickness (m), without spring supports."""
         return np.asarray(thickness * (self.membrane @ x) + thickness**3 * (self.bending @ x))
 
     def with_derivatives(self, thickness: float, factor: Factor, x: Floats, count: int) -> list[Floats]:
-        """Return [x, P x, ..., P^count x] for vectors x (u, k), with P = K^-1 dK/dt at a thickness t.
-        factor : the stiffness K at this thickness, factorised."""
+        """Return [x, P x, ..., P^count x] for vectors x (u, k), with P = K^-1 dK/dt.
+        K is the stiffness matrix for a thickness t. factor : factorisation of K."""
         vectors = [x]
         for _ in range(count):
             forces = self.membrane @ vectors[-1] + 3 * thickness**2 * (self.bending @ vectors[-1])
@@ -79,21 +79,21 @@ class ThicknessStiffness:
         return vectors
 
     def projection(self, basis: Floats) -> Floats:
-        """Return the membrane, bending and spring stiffness (3, b, b) on a basis (u, b)."""
+        """Return the membrane, bending and spring stiffness (3, b, b), projected on b basis vectors (u, b)."""
         corners = basis[: self.load.spring.size]
         springs = corners.T @ (self.load.spring.ravel()[:, None] * corners)
         parts = basis.T @ (self.membrane @ basis), basis.T @ (self.bending @ basis), springs
         return np.array([_without_negative_eigenvalues(part) for part in parts])
 
     def basis(self, vectors: Floats, thickness: float) -> Floats:
-        """Return independent vectors (u, b) that span the same space as `vectors` (u, c)."""
+        """Return basis vectors (u, b) of the space that `vectors` (u, c) span, orthonormal in the strain energy."""
         K = self.matrix(thickness)
         weight = np.sqrt(K.diagonal())  # makes metres and radians comparable
         columns = _independent_columns(vectors * weight[:, None]) / np.where(weight > 0, weight, 1.0)[:, None]
         energies = np.einsum("ui,ui->i", columns, K @ columns)
         images, count = np.zeros_like(columns), 0
         for x, before in zip(columns.T.copy(), energies, strict=True):
-            for _ in range(2):  # twice, against rounding errors [Giraud et al. 2005]
+            for _ in range(2):  # repeat for accuracy [Giraud et al. 2005]
                 x -= columns[:, :count] @ (images[:, :count].T @ x)
             image = K @ x
             energy = float(x @ image)
@@ -116,12 +116,12 @@ def _independent_columns(columns: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ThicknessBasis:
-    """Reduced bases for displacements and buckling of a sheet at thicknesses near its own.
+    """Reduced bases for displacements and buckling of a sheet at thicknesses near the sheet's thickness.
     loads     : the k loads by name, at the thickness of `sheet`.
     constant, per_metre : f0 (u, k), N, and f1 (u, k), N/m. At thickness t, the loads are f0 + t f1.
     vectors   : (u, b) basis of the displacements.
-    reduced   : (3, b, b) stiffness on this basis.    modes : (3, s, s) stiffness on s buckling modes.
-    geometric : (b, s, s) -1 x the geometric stiffness on the modes, for thickness 1 m."""
+    reduced, modes : (3, b, b), (3, s, s) membrane, bending, spring stiffness, projected on `vectors`, on s modes.
+    geometric : (b, s, s) minus the geometric stiffness on these modes, for each of `vectors` and thickness 1 m."""
 
     sheet: SheetModel
     loads: Mapping[str, LoadCase]
@@ -135,8 +135,8 @@ class ThicknessBasis:
 
     @classmethod
     def from_sheet(cls, sheet: SheetModel, loads: Mapping[str, LoadCase], buckling: Sequence[str] = ()) -> Self:
-        """Return bases for half to twice the thickness of `sheet`. Raises StaticsError.
-        buckling : names of the loads whose buckling factors are wanted."""
+        """Return bases for thicknesses from half to twice the thickness of `sheet`.
+        buckling : names of loads to compute buckling factors for. Raises StaticsError if the sheet cannot be solved."""
         try:
             return cls._by_elements(sheet, loads, buckling, elements_of("displacement"))
         except StaticsError:
@@ -175,7 +175,7 @@ class ThicknessBasis:
         return cls(sheet, loads, stiffness, constant, per_metre, vectors, *reduced, geometric)
 
     def answers(self, thickness: float) -> dict[str, Equilibrium]:
-        """Return the equilibrium of each load at a thickness (m), without residuals."""
+        """Return the equilibrium of each load at a thickness (m), by name. Residuals are left at 0."""
         forces = self.constant + thickness * self.per_metre
         X = self.vectors @ self._coordinates(thickness)
         unbalanced = self.stiffness.product(thickness, X) - forces

@@ -1,4 +1,4 @@
-"""Torsion of ribs."""
+"""Torsional stiffness of ribs, the narrow strips of a cut sheet."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -13,13 +13,13 @@ from dsfab.surface import Surface, half_edges
 from dsfab.surface.fields import tangents
 
 APART = np.radians(60)
-"""Smallest angle, seen from the centre of a disc in a rib, between border points on different sides of the rib.
-Points at a smaller angle lie on the same side [Ma, Bae and Choi 2012]."""
-LEAN = 0.5  # A border belongs to a face's rib only if the cosine of the angle between them is at least this.
+"""Two border points lie on opposite sides of a rib if they are at least this angle apart (radians).
+The angle is measured at the centre of a disc between the points [Ma, Bae and Choi 2012]."""
+LEAN = 0.5  # A border belongs to a face's rib only if cos(angle between border and face) is at least this.
 
 
 def torsion_share(ratio: Floats) -> Floats:
-    """Return the torsional stiffness of rectangles w x h, divided by G w h^3 / 3 of thin strips.
+    """Return the torsional stiffness of a bar with the rectangular section w x h, divided by G w h^3 / 3.
     ratio : (...) w / h.    [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]"""
     ratio = np.maximum(ratio, 0.01)  # at lower ratios, the equations of the sheet cannot be solved accurately
     flat = np.minimum(ratio, 1 / ratio)
@@ -28,15 +28,15 @@ def torsion_share(ratio: Floats) -> Floats:
 
 
 class RibShape(NamedTuple):
-    """Width and direction of the rib at each face. widths : (m,) metres; inf for faces without a border.
-    along : (m, 3) unit vectors in the face, along the nearest border."""
+    """Width and direction of the rib (strip of the cut sheet) at each face.
+    widths : (m,) metres; inf for faces without a border.  along : (m, 3) unit vectors along the nearest border."""
 
     widths: Floats
     along: Floats
 
 
 def rib_shape(surface: Surface) -> RibShape:
-    """Return the width of the rib at each face, and the direction of the nearest border [Blum 1967]."""
+    """Return the width of the rib (narrow strip) at each face, and the direction of its nearest border [Blum 1967]."""
     border = np.flatnonzero(surface.edges.boundary[surface.edges.of.ravel()])
     if not len(border):
         return RibShape(np.full(surface.m, np.inf), tangents(surface)[:, 0])
@@ -64,7 +64,7 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
         high = np.einsum("kx,kx->k", n, offset)
         shorter = np.einsum("kx,kx->k", offset, offset) / np.maximum(2 * high, np.finfo(float).tiny)
         opening = np.arccos(np.clip(1 - high / np.maximum(shorter, np.finfo(float).tiny), -1, 1))
-        # a border point blocks a disc if it lies inside the disc by more than a thousandth of the disc's radius
+        # a border point blocks a disc if its depth in the disc exceeds a thousandth of the radius
         return (away < (1 - 1e-3) * r) & (high > 0) & (shorter < r) & (opening > APART), shorter
 
     radius = np.full(len(points), min(small, largest))
@@ -83,7 +83,7 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
 
 
 def with_barlike_ribs(sheet: SheetModel, ribs: RibShape | None = None) -> SheetModel:
-    """Return the sheet with ribs that twist as softly as bars. ribs : `rib_shape`, if known."""
+    """Return the sheet with bending stiffnesses that let its ribs twist like bars. ribs : `rib_shape`, if known."""
     ribs = ribs or rib_shape(sheet.surface)
     D, share = sheet.material.bending(sheet.thickness), torsion_share(ribs.widths / sheet.thickness)
     a = np.einsum("mx,max->ma", ribs.along, tangents(sheet.surface))

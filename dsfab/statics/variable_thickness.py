@@ -13,15 +13,15 @@ from dsfab.statics.stress import tensors_in_space
 from dsfab.surface import LoadCase
 
 LEAST = 1e-4
-"""Least thickness of a face in a solve, as a fraction of the sheet's thickness; with 0, faces would have no forces."""
+"""Smallest thickness of a face in the equations, as a fraction of the sheet's thickness; 0 would give no forces."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""The iteration ends when thicknesses change by less than SETTLED, or after STEPS steps. A step changes no thickness
-by more than MOVE. SETTLED and MOVE are fractions of the sheet's thickness."""
+"""The iteration ends when all thicknesses change by less than SETTLED, or after STEPS steps.
+A step changes no thickness by more than MOVE. SETTLED and MOVE are fractions of the sheet's thickness."""
 
 
 class VaryingSheet(NamedTuple):
-    """A sheet of varying thickness.
-    thickness  : (m,) fraction of the given sheet's thickness, 0 to 1.
+    """A sheet whose thickness varies from face to face.
+    thickness  : (m,) thickness of each face as a fraction of the given sheet's thickness, 0 to 1.
     compliance : weighted sum of the loads' compliances, joules.
     forces     : (m, 3, 3) membrane forces, N/m, for each load, symmetric and tangent to each face."""
 
@@ -31,8 +31,8 @@ class VaryingSheet(NamedTuple):
 
 
 def varying_thickness(sheet: SheetModel, loads: list[LoadCase], weights: Floats, share: float) -> VaryingSheet:
-    """Return the stiffest sheet with the mean thickness `share` * thickness.
-    weights : (k,) factors of the loads' compliances.
+    """Return the stiffest sheet with a given mean thickness. share : mean thickness / thickness of `sheet`.
+    weights : (k,) factors of the loads' compliances in the sum that is minimised.
     Raises StaticsError for a sheet without sufficient supports, or a load on a vertex without faces."""
     surface = sheet.surface
     K = FaceStiffness.from_sheet(sheet, loads)
@@ -62,15 +62,15 @@ def _membrane_forces(sheet: SheetModel, loads: list[LoadCase], K: FaceStiffness,
 
 
 def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: Bools, move: float) -> Floats:
-    """Return new shares of material (m,), 0 to 1 [Bendsoe 1995].
-    x     : (m,) old shares; a share changes by at most `move`.
+    """Return new material densities of faces (m,), 0 to 1, by the optimality criteria method [Bendsoe 1995].
+    x     : (m,) old densities; a density changes by at most `move`.
     gain  : (m,) decrease of the compliance per area of added material.
-    area  : sum of the new shares times `areas` (m,), m2.    solid : (m,) mask of faces with share 1."""
+    area  : required sum of new density * face area, m2.    solid : (m,) mask of faces with density 1."""
     low, high = np.maximum(x - move, 0.0), np.minimum(x + move, 1.0)
     root = x * np.sqrt(np.maximum(gain, 0.0))
     lower, upper = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)
     while upper - lower > 1e-6 * upper:
-        middle = (lower + upper) / 2  # bisection: the new shares are root / middle
+        middle = (lower + upper) / 2  # bisection for the densities root / middle
         thickness = np.where(solid, 1.0, np.clip(root / middle, low, high))
         if areas @ thickness > area:
             lower = middle

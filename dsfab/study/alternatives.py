@@ -1,4 +1,4 @@
-"""Structures with the mass of a design, for comparison."""
+"""Comparison of a design with other structures of the same mass."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ class Spread:
     """Statistics of the compliances (J) of all variants of a structure.
     tried, carried : number of variants, and number of variants that carry the loads.
     best, mean, worst : compliances of the variants that carry the loads.
-    median : median of all variants; a variant that does not carry the loads counts as infinite."""
+    median : median compliance of all variants. A variant that does not carry the loads has an infinite compliance."""
 
     tried: int
     carried: int
@@ -41,11 +41,11 @@ class Spread:
 
 @dataclass(frozen=True)
 class Competitor:
-    """A structure under the design's loads. error : reason of a failure.
+    """A structure that is compared with a design under the same loads. error : reason of a failure, or ''.
     variant         : name of the stiffest variant, such as "modes 1, 2".
-    area_fraction   : area divided by the area of the surface.       mass : kg.       thickness : metres.
-    judgement       : computed results, or None.
-    loose           : share of the material that reaches no support.
+    area_fraction   : material area divided by the area of the surface.     mass : kg.     thickness : metres.
+    judgement       : computed results; None if the structure does not carry its loads.
+    loose           : fraction of the material that is connected to no support.
     smallest_member : width of the narrowest member, metres, or None.
     spread          : statistics of the variants; None for a single variant."""
 
@@ -70,8 +70,8 @@ class Competitor:
         return self.judgement.compliance if self.judgement else float("inf")
 
     def row(self, full: float, design: float) -> dict[str, Any]:
-        """Return the competitor's row of a table, in SI units; None for unknown values.
-        full, design : compliances (J) of the full sheet and of the design."""
+        """Return this structure's row of the comparison table, in SI units; None for unknown values.
+        full, design : compliances (J) of the uncut sheet and of the design."""
         columns: dict[str, Any] = {
             "name": self.name,
             "variant": self.variant,
@@ -135,14 +135,14 @@ ALTERNATIVE_WORDS = {
     "thinner": "a uniformly thinner sheet without openings",
     "isotropic": "the best pair of isotropic stripes",
 }
-"""Description of each alternative, for use in sentences, by the name of the alternative."""
+"""Descriptions of the structures that a design is compared with, by name. Messages contain these texts."""
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """A structure with the mass of a design, under the design's loads.
+    """Comparison of a design with another structure of the same mass, under the same loads.
     over      : compliance of the design / compliance of this structure; inf if the design does not carry its loads.
-    low, high : interval of `over` from the error bounds of the compliances.
+    low, high : limits of `over` from the error bounds of the compliances.
     level     : how the compliances were computed, such as "one solve each".    error : reason of a failure, or ''."""
 
     name: str
@@ -163,13 +163,13 @@ class Alternative:
         """Sentence that compares the stiffness of this structure with that of the design."""
         which = f"{ALTERNATIVE_WORDS[self.name]} of the same mass"
         if not np.isfinite(self.over):
-            return f"this design does not carry its loads, and {which} does"
+            return f"this design does not carry its loads, but {which} does"
         may = "may lose" if self.low <= 1 else "loses"
         between = f", {self.low:.3g} to {self.high:.3g}" if self.high > self.low else ""
         return f"this design {may}: {which} is {self.over:.3g} x as stiff ({self.level}{between})"
 
     def record(self) -> dict[str, Any]:
-        """Return plain values for a file, with None for infinite values."""
+        """Return this comparison as a dict for a JSON file, with None for infinite values."""
         numbers = {"over": self.over, "over_low": self.low, "over_high": self.high}
         finite = {key: x if np.isfinite(x) else None for key, x in numbers.items()}
         verdict = {"design_loses": self.is_stiffer, "level": self.level, "variant": self.variant}
@@ -177,7 +177,7 @@ class Alternative:
 
 
 def losing_line(candidates: Iterable[Alternative]) -> str:
-    """Return a line about the alternatives that are stiffer than the design, or ''."""
+    """Return a line about the structures in `candidates` that are stiffer than the design; '' if there are none."""
     stiffer = sorted((x for x in candidates if x.is_stiffer), key=lambda alternative: -alternative.over)
     return "; ".join(alternative.sentence for alternative in stiffer)
 
@@ -189,7 +189,7 @@ def is_searched(preset: Preset) -> bool:
 
 
 def design_alternatives(design: Design) -> tuple[Alternative, ...]:
-    """Compare a design with other structures of its mass. Raises DsfabError if the design cannot be cut."""
+    """Compare a design with other structures of the same mass. Raises DsfabError if the design cannot be cut."""
 
     def solve() -> tuple[Alternative, ...]:
         slicing, thickness = design.slicing, design.preset.statics.thickness
@@ -206,13 +206,13 @@ def alternatives(
     solved: Mapping[str, AnsweredLoad] | None = None,
 ) -> tuple[Alternative, ...]:
     """Compare a structure with other structures of the same mass. names : keys of `ALTERNATIVE_WORDS`.
-    solved : known solutions of the structure, by name of the load."""
+    solved : known solutions of the structure, by name of the load case."""
     makers = {"thinner": thinner_alternative, "isotropic": isotropic_alternative}
     return tuple(makers[name](task, structure, partial(quick, solved=solved)) for name in names)
 
 
 class _BoundedCompliance(NamedTuple):
-    """A compliance (J), inf for a structure that fails."""
+    """A compliance (J) with its relative error bound; inf for a structure that does not carry the loads."""
 
     compliance: float
     bound: float
@@ -221,22 +221,24 @@ class _BoundedCompliance(NamedTuple):
 
 
 def thinner_alternative(task: ComparisonTask, structure: Structure, own_judge: Judge = quick) -> Alternative:
-    """Compare a structure with a thinner sheet without openings, of the same mass."""
+    """Compare a structure, solved by `own_judge`, with a thinner sheet without openings of the same mass."""
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
     design, rival = _ranked_compliance(task, structure), _judged_compliance(quick, task, thin)
     alternative = _alternative("thinner", design, rival, "one solve each")
     if alternative.low <= 1 <= alternative.high:
-        judge, checked = (quick, "one solve each") if task.is_plane else (full, "full check of the thinner sheet")
+        judge, checked = (
+            (quick, "one solve each") if task.is_plane else (full, "running the full check of the thinner sheet")
+        )
         design, rival = _judged_compliance(own_judge, task, structure), _judged_compliance(judge, task, thin)
         alternative = _alternative("thinner", design, rival, checked)
     return alternative
 
 
 def isotropic_alternative(task: ComparisonTask, structure: Structure, own_judge: Judge = quick) -> Alternative:
-    """Compare a structure with the best stripes that ignore the stress, of the same mass."""
+    """Compare a structure, solved by `own_judge`, with the stiffest isotropic stripe pattern of the same mass."""
     blind = isotropic_stripes(task)
     phases = blind.preset.pattern.major.shift, blind.preset.pattern.minor.shift
-    level = f"one solve of each sheet; the best of {len(blind.pairs)} pairs of modes"
+    level = f"one solve of each sheet; isotropic stripes are the best of {len(blind.pairs)} pairs of modes"
     try:
         trial = Trial(blind.preset, replace(task.stressed_surface, diffusion=blind.diffusion()))
     except DsfabError as error:
@@ -247,9 +249,11 @@ def isotropic_alternative(task: ComparisonTask, structure: Structure, own_judge:
     sound = (pair for pair in variants if not pair[0].refused)
     stiffest = sorted(sound, key=lambda pair: pair[0].compliance * pair[0].kept)
     rivals = [_variant_compliance(task, variant) for _, variant in stiffest[:2]]
-    failed = _BoundedCompliance(np.inf, 0.0, error=f"no pair of modes carries the loads; pair 1: {tried[0].refused}")
+    failed = _BoundedCompliance(
+        np.inf, 0.0, error=f"no pair of modes carries the loads; reason for pair 1: {tried[0].refused}"
+    )
     rival = min(rivals, key=lambda rival: rival.compliance, default=failed)._replace(bound=0.0)
-    # the compliances of design and rival err in the same direction, so the error of their ratio is at most 10 %
+    # the errors of the two compliances have equal signs, so the error of the ratio is at most 10 %
     return _alternative("isotropic", _judged_compliance(own_judge, task, structure)._replace(bound=0.1), rival, level)
 
 
@@ -261,7 +265,7 @@ def _variant_compliance(task: ComparisonTask, variant: Variant) -> _BoundedCompl
 
 
 def judged_alternatives(design: Competitor, rivals: Iterable[Competitor]) -> tuple[Alternative, ...]:
-    """Compare the design with the competitors named in `ALTERNATIVE_WORDS`, by known compliances."""
+    """Compare the design with those `rivals` that `ALTERNATIVE_WORDS` names, by their computed compliances."""
     design_value, judged = _competitor_compliance(design), []
     for rival in (rival for rival in rivals if rival.name in ALTERNATIVE_WORDS):
         level = f"{rival.judgement.level} check" if rival.judgement else ""

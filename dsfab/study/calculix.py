@@ -1,4 +1,4 @@
-"""Sheets as solids of quadratic wedges for CalculiX."""
+"""Solid models of sheets for CalculiX, made of quadratic wedge elements."""
 
 import re
 import shutil
@@ -24,12 +24,12 @@ Projection = Callable[[Floats], tuple[Floats, Floats]]  # points -> nearest surf
 
 @dataclass(frozen=True, eq=False)
 class Wedges:
-    """A solid with one quadratic wedge (C3D15) for each of m triangles.
-    nodes   : (p, 3) metres.
-    elements : (m, 15) nodes of each wedge: corners below, corners above, middles of the edges below, middles of the
-               edges above, middles of the upright edges.
-    columns : (n, 3) nodes of each vertex of the sheet: below, above and in the middle of the thickness.
-    middles : (e, 2) nodes at the middle of each edge: below and above."""
+    """A solid with one quadratic wedge (C3D15) for each of m triangles of a sheet.
+    nodes   : (p, 3) positions, metres.
+    elements : (m, 15) node numbers of each wedge: bottom corners, top corners, midpoints of bottom edges, midpoints of
+               top edges, midpoints of upright edges.
+    columns : (n, 3) node numbers at each vertex of the sheet: bottom, top, and middle of the thickness.
+    middles : (e, 2) node numbers at the midpoint of each edge of the sheet: bottom and top."""
 
     nodes: Floats
     elements: Ints
@@ -38,8 +38,8 @@ class Wedges:
 
 
 def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges:
-    """Return the solid of a sheet with a thickness (m).
-    projection : function that returns the nearest points on the exact surface and the normals there."""
+    """Return the solid of a sheet with the middle surface `surface` and a thickness (m).
+    projection : function that maps points to their nearest points on the exact surface and the normals there."""
     edges, F = surface.edges, surface.F
     n, e = surface.n, len(edges.ends)
     corner, normal = projection(surface.V)
@@ -59,7 +59,7 @@ def solid_compliance(
     solid: Wedges, material: Material, fixed_nodes: Ints, gravity: Floats, seconds: float = 600.0
 ) -> float | None:
     """Return the compliance (J) of a solid under its own weight; None if CalculiX is not installed.
-    fixed_nodes : numbers of fixed nodes.    gravity : (3,) m/s2.    seconds : time limit.    Raises StaticsError."""
+    fixed_nodes : their numbers.  gravity : (3,) m/s2.  seconds : time limit. Raises StaticsError if CalculiX fails."""
     program = shutil.which(CCX)
     if program is None:
         return None
@@ -93,7 +93,7 @@ def _input_text(solid: Wedges, material: Material, fixed_nodes: Ints, gravity: F
 
 
 def end_face_nodes(solid: Wedges, surface: Surface, marked: Bools) -> Ints:
-    """Return the solid's nodes at boundary edges with two marked ends. marked : (n,) vertices."""
+    """Return the numbers of nodes at boundary edges with two marked ends. marked : (n,) mask of sheet vertices."""
     edges = surface.edges
     is_marked = edges.boundary & marked[edges.ends].all(axis=1)
     return np.unique(np.concatenate([solid.columns[edges.ends[is_marked]].ravel(), solid.middles[is_marked].ravel()]))
@@ -105,9 +105,9 @@ THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # shares of a vertex's force on its lo
 @dataclass(frozen=True, eq=False)
 class WedgeModel:
     """A solid with its supports and forces.
-    fixed    : (q, 2) pairs of a held node and a held direction (0 to 2).
-    opposite : (r, 3) two nodes and a direction in which these nodes move by opposite amounts.
-    force    : (p, 3) newtons at the nodes."""
+    fixed    : (q, 2) pairs of a node number and a direction (0 to 2) in which the node cannot move.
+    opposite : (r, 3) two node numbers and a direction (0 to 2) in which the two nodes move by opposite amounts.
+    force    : (p, 3) forces on the nodes, newtons."""
 
     solid: Wedges
     material: Material
@@ -117,9 +117,9 @@ class WedgeModel:
 
 
 def solid_model(surface: Surface, normal: Floats, thickness: float, material: Material, load: LoadCase) -> WedgeModel:
-    """Return a solid with supports and forces of a load case.
+    """Return a solid of the sheet `surface`, with the supports and forces of a load case.
     normal : (n, 3) unit normals at the vertices, all on one side of the sheet.    thickness : metres.
-    Raises StaticsError for springs."""
+    Raises StaticsError for spring supports."""
     if load.spring.any():
         raise StaticsError("the nonlinear check cannot use springs at supports; make these supports rigid")
     across = normal[surface.edges.ends].sum(axis=1)
@@ -147,13 +147,13 @@ def _supports(solid: Wedges, surface: Surface, load: LoadCase, held_directions: 
 
 
 ATTEMPT = re.compile(r"^ *\d+ +\d+ +\d+(U?) +\d+ +(\S+) +\S+ +(\S+) *$", re.MULTILINE)
-"""Line of CalculiX's .sta file: U if no equilibrium was found, time at the start of a step, length of the step."""
+"""Line of CalculiX's .sta file for a time step. Groups: "U" if no equilibrium was found, start time, step length."""
 TABLE = re.compile(r"^ displacements .* time +(\S+)\s*$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class CcxFiles:
-    """Output of CalculiX so far. ended : True if CalculiX ended by itself."""
+    """Text that CalculiX has written so far: messages, results, time steps. ended : True if it ended by itself."""
 
     said: str
     results: str
@@ -161,7 +161,7 @@ class CcxFiles:
     ended: bool
 
     def tables(self) -> list[tuple[float, Floats]]:
-        """Return the time of each table of displacements, and rows (k, 4): node number, three displacements."""
+        """Return the time and the rows (node number, three displacements), (k, 4), of each table of displacements."""
         data = self.results[: self.results.rfind("\n") + 1]  # the last line may be incomplete
         heads = list(TABLE.finditer(data))
         parsed = []
@@ -173,24 +173,24 @@ class CcxFiles:
         return parsed
 
     def failures(self) -> list[tuple[float, float]]:
-        """Return the start and the length of each time step without equilibrium."""
+        """Return the start time and the length of each time step for which CalculiX found no equilibrium."""
         return [(float(start), float(step)) for failed, start, step in ATTEMPT.findall(self.attempts) if failed]
 
 
 def require_ccx() -> str:
-    """Return the path of CalculiX's program. Raises StaticsError."""
+    """Return the path of the program CalculiX (ccx). Raises StaticsError if it is not installed."""
     path = shutil.which(CCX)
     if path is None:
         raise StaticsError(
-            "the nonlinear check needs CalculiX, but its program ccx is not on the path; install CalculiX (Debian "
+            "the nonlinear check needs CalculiX, but the program ccx is not on the path; install CalculiX (Debian "
             "and Ubuntu: apt install calculix-ccx), or leave out --nonlinear"
         )
     return path
 
 
 def run_ccx(text: list[str], seconds: float, enough: Callable[[CcxFiles], bool] = lambda files: False) -> CcxFiles:
-    """Run CalculiX on the lines of an .inp file and return the output.
-    seconds : time limit.    enough : function of the output so far; True stops CalculiX."""
+    """Run CalculiX on the lines of an .inp file, and return its output.
+    seconds : time limit.    enough : function of the output so far; CalculiX is stopped if it returns True."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as name:
         folder = Path(name)
         (folder / "solid.inp").write_text("".join(text), encoding="ascii")
@@ -227,16 +227,16 @@ def _files(folder: Path, ended: bool) -> CcxFiles:
 
 
 FACTOR = re.compile(r"^ +\d+ +(\S+) *$", re.MULTILINE)
-FACTORS = (6, 24, 96)  # Numbers of buckling factors to request in turn, because many can be negative.
-SETTLED = 0.01  # The search ends if the lowest positive factor changes by a smaller fraction.
+FACTORS = (6, 24, 96)  # Requested numbers of buckling factors, in turn; many factors can be negative.
+SETTLED = 0.01  # Relative change of the lowest positive factor at which the search ends.
 
 
 @dataclass(frozen=True, eq=False)
 class LoadPath:
-    """Computed states of a structure under growing loads: k points of a path.
-    load    : (k,) factors on the loads; the first is 0.    u : (k, w, 3) displacements of w nodes, metres.
-    whole   : True if the path reaches the last factor.    late : True if the time limit ended the path.
-    failed  : for each step without equilibrium, number of the point before and increase of the factor."""
+    """Load-displacement path: k computed equilibrium states of a structure under growing loads.
+    load    : (k,) load factors; the first is 0.    u : (k, w, 3) displacements of w nodes, metres.
+    whole   : True if the path reaches the last requested factor.    late : True if the time limit ended the path.
+    failed  : for each load step without equilibrium: number of the state before it, and increase of the factor."""
 
     load: Floats
     u: Floats
@@ -245,13 +245,13 @@ class LoadPath:
     failed: tuple[tuple[int, float], ...] = ()
 
     def until(self, last_point: int) -> "LoadPath":
-        """Return the path up to point `last_point`."""
+        """Return the path from its start to the state with the number `last_point`."""
         failed = tuple((point, by) for point, by in self.failed if point <= last_point)
         return LoadPath(self.load[: last_point + 1], self.u[: last_point + 1], False, False, failed)
 
 
 def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats] | None:
-    """Return the lowest buckling factor of a solid and the mode (p, 3), unscaled, or None. seconds : time limit."""
+    """Return the lowest buckling factor of a solid and its mode (p, 3); None without buckling. seconds : time limit."""
     lowest = np.inf
     for count in FACTORS:
         moved, factors, modes = _buckling_factors(model, count, seconds)
@@ -289,10 +289,10 @@ def load_path(
     stop_point: Callable[[LoadPath], int | None] = lambda path: None,
     steps: int = 10,
 ) -> LoadPath:
-    """Return the path of a structure under growing loads, with large displacements.
-    nodes : (p, 3) initial positions, metres.    watched : (w,) nodes whose displacements are returned.
-    factors : factors on the loads, in turn.    steps : number of steps to each factor.
-    stop_point : function of the path so far; it returns the number of the last needed point, or None.
+    """Return the load-displacement path of a structure under growing loads, computed with large displacements.
+    nodes : (p, 3) initial positions, metres.    watched : (w,) numbers of the nodes with returned displacements.
+    factors : load factors to reach, in this order.    steps : number of load steps to each factor.
+    stop_point : function of the path so far; it returns the number of the last needed state, or None to continue.
     Raises StaticsError if the first step fails."""
     text = [*model_lines(model, nodes), "*NSET, NSET=WATCHED\n", *_formatted_rows("%d\n", watched + 1)]
     for factor in factors:
@@ -304,7 +304,7 @@ def load_path(
         return path, stop_point(path) if len(path.load) > 1 else None
 
     files = run_ccx(text, seconds, lambda files: until(files)[1] is not None)
-    path, end = until(files)  # leaves out points that CalculiX computed after `end`
+    path, end = until(files)  # CalculiX may have computed points after `end`
     if end is not None:
         return path.until(end)
     if len(path.load) == 1 and not files.ended:
@@ -329,12 +329,12 @@ def _path(files: CcxFiles, factors: tuple[float, ...], count: int) -> LoadPath:
 def _timeout_error(seconds: float) -> StaticsError:
     return StaticsError(
         f"CalculiX did not end within {seconds / 60:.3g} minutes; make the mesh coarser (--check-edge, surface.edge), "
-        "or raise the time limit: --minutes"
+        "or raise the time limit with --minutes"
     )
 
 
 def model_lines(model: WedgeModel, nodes: Floats) -> Iterator[str]:
-    """Yield text of an .inp file: the solid with its nodes (p, 3), metres, its material and its supports."""
+    """Yield the part of an .inp file with nodes, elements, material and supports. nodes : (p, 3) positions, metres."""
     solid, used = model.solid, np.unique(model.solid.elements)
     yield "*NODE, NSET=ALL\n"
     yield from _formatted_rows("%d, %.11e, %.11e, %.11e\n", used + 1, *nodes[used].T)
@@ -349,7 +349,7 @@ def model_lines(model: WedgeModel, nodes: Floats) -> Iterator[str]:
 
 
 def load_lines(force: Floats) -> Iterator[str]:
-    """Yield text of an .inp file: forces (p, 3) on the nodes, newtons."""
+    """Yield the part of an .inp file with the nodal forces. force : (p, 3) newtons."""
     node, direction = np.nonzero(force)
     yield from _formatted_rows("%d, %d, %.11e\n", node + 1, direction + 1, force[node, direction])
 

@@ -22,23 +22,23 @@ from dsfab.study.verdict.estimates import ModeEstimate
 from dsfab.surface import LoadCase, Surface, support_names
 
 THIN = 0.01
-"""Largest thickness of CPS6 sections, divided by the mean edge length. CalculiX makes solid wedges of CPS6 elements,
-and only thin wedges come close to plane stress."""
+"""Largest thickness of CPS6 sections, divided by the mean edge length.
+CalculiX expands CPS6 elements to solid wedges, and only thin wedges come close to plane stress."""
 
 
 def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
     """Return the nodes (n + e, 3), metres, and the six-node triangles (m, 6) of a surface.
-    Nodes: the n vertices, then the middles of the e edges. Triangles: corners 1, 2, 3, then the middles of sides
-    1-2, 2-3, 3-1."""
+    Nodes: the n vertices, then the midpoints of the e edges.
+    Triangles: corners 1, 2, 3, then the midpoints of the edges 1-2, 2-3, 3-1."""
     edges = surface.edges
     middles = surface.V[edges.ends].mean(axis=1)
     return np.concatenate([surface.V, middles]), np.concatenate([surface.F, surface.n + edges.of], axis=1)
 
 
 def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = None) -> Floats:
-    """Return forces (n + e, 3), newtons, on vertices, then on middles of edges.
-    force  : (n, 3) newtons on the vertices, including the loads `spread`.
-    spread : part of the load on faces and edges."""
+    """Return the forces (n + e, 3) on the nodes of six-node triangles, newtons: n vertices, then e edge midpoints.
+    force  : (n, 3) newtons, all loads as forces on the vertices.
+    spread : the part of these loads that is distributed on faces and edges."""
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:
         on_bubbles = spread.bubble_forces(surface, elements_of("six_nodes"))[:, -3:]
@@ -49,8 +49,8 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
 
 
 def held_nodes(surface: Surface, supports: Mapping[str, Bools]) -> dict[str, Bools]:
-    """Return a mask (n + e, 3) of the held directions of vertices and edges' middles, by name of the support.
-    supports : (n, 3) mask for the vertices, by name of the support."""
+    """Return a mask (n + e, 3) for each support, by name: directions in which it fixes vertices and edge midpoints.
+    supports : by name, a mask (n, 3) of the directions in which each support fixes vertices."""
     ends = surface.edges.ends
     unassigned = held_middles(surface, _held_by_any(surface, supports))
     directions = {}
@@ -74,9 +74,10 @@ def six_node_model(
     axis: int = 2,
 ) -> CalculixModel:
     """Return the CalculiX model of a sheet.
-    supports : (n, 3) mask of held directions of the vertices, by name of the support.
-    steps    : (n + e, 3) nodal forces, newtons, by name of the step.    springs : (n, 3) N/m.
-    element  : S6, or CPS6 for a flat sheet that is loaded in its plane.    axis : coordinate normal to a CPS6 sheet."""
+    supports : by name, a mask (n, 3) of the directions in which each support fixes vertices.
+    steps    : by name, the nodal forces (n + e, 3) of each load step, newtons.
+    springs  : (n, 3) stiffness of spring supports, N/m.
+    element  : S6, or CPS6 for a flat sheet with in-plane loads.    axis : number of the axis normal to a CPS6 sheet."""
     surface, material, clamped = sheet.surface, sheet.material, sheet.clamped
     edges = surface.edges
     X, T = six_node_triangles(surface)
@@ -96,13 +97,13 @@ def six_node_model(
 
 
 def axes_of_file(axis: int) -> Ints:
-    """Return the coordinates (3,) of the surface that become x, y and z in the file. axis : coordinate for z."""
+    """Return the numbers (3,) of the surface's axes that become x, y, z in the file. axis : axis that becomes z."""
     return np.asarray(np.roll(np.arange(3), 2 - axis))
 
 
 def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel:
-    """Return the model in CPS6 elements, with the two coordinates of the sheet's plane as x and y.
-    axis      : coordinate perpendicular to the sheet.    thickness : largest thickness of the section, metres.
+    """Return the model with CPS6 elements, with the two axes in the sheet's plane as x and y.
+    axis      : number of the axis normal to the sheet.    thickness : largest thickness of the section, metres.
     Raises StaticsError for a sheet that is not flat."""
     if np.ptp(model.nodes[:, axis]) > 1e-9 * np.ptp(model.nodes, axis=0).max():
         raise StaticsError("the sheet is not flat, so CPS6 elements cannot be used; choose S6 elements")
@@ -110,12 +111,13 @@ def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel
     nodes = model.nodes[:, turn] * (1, 1, 0) + 0.0  # + 0.0 turns -0 into 0
     notes = list(model.notes)
     if axis != 2:
-        notes.append(f"AXES: x and y of this file are {'xyz'[turn[0]]} and {'xyz'[turn[1]]} of the surface")
+        notes.append(f"AXES: x and y of this file are the axes {'xyz'[turn[0]]} and {'xyz'[turn[1]]} of the surface")
     share = min(1.0, thickness / model.thickness)
     if share < 1:
         notes.append(
-            f"SECTION: {model.thickness * share:.6g} m with Young's modulus {model.young / share:.6g} Pa replaces "
-            f"{model.thickness:.6g} m with {model.young:.6g} Pa, because CalculiX elements need a small thickness for "
+            f"SECTION: a thickness of {model.thickness * share:.6g} m with Young's modulus {model.young / share:.6g} "
+            f"Pa replaces a thickness of {model.thickness:.6g} m with {model.young:.6g} Pa, because CalculiX elements "
+            f"need a small thickness for "
             f"plane stress. Displacements and reactions do not change; divide stresses by {1 / share:.5g}"
         )
     return replace(
@@ -132,19 +134,20 @@ def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel
 
 
 UNRELIABLE = (
-    "S6 shells are unreliable on cut curved sheets: CalculiX may refuse the file or find far too large displacements; "
-    "check the uncut sheet instead, or a sheet that is flat and loaded in its plane"
+    "S6 shells are unreliable on cut curved sheets. CalculiX may refuse the file or compute displacements that are "
+    "far too large. Check the uncut sheet instead, or a flat sheet that is loaded in its plane"
 )
 LOADS = {
     "uncut": "Loads are those of the uncut sheet, with its whole weight; the cut sheet weighs less",
-    "cut": "Loads are those of the cut sheet: its own weight, and loads of coverings on the material nearest to them",
+    "cut": "Loads are those of the cut sheet: its own weight, and loads of coverings, which act on the nearest "
+    "material",
 }
-"""Sentence about the loads, for a model of the uncut and of the cut sheet."""
+"""A note on the loads for the model file of the uncut sheet, and a note for that of the cut sheet."""
 
 
 @dataclass(frozen=True, eq=False)
 class CheckModel:
-    """A CalculiX model, its surface, and dsfab's own results."""
+    """A CalculiX model, its surface, and dsfab's solutions (`answers`) for comparison with results of CalculiX."""
 
     model: CalculixModel
     surface: Surface
@@ -153,7 +156,7 @@ class CheckModel:
 
 
 def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
-    """Return the CalculiX model of a preset's uncut surface, with a step for each case and combination."""
+    """Return the CalculiX model of a preset's uncut surface, with a load step for each load case and combination."""
     log = Log(progress)
     surface = surface_step(preset, log)
     check_scale(preset, surface, log)
@@ -233,7 +236,7 @@ def _check_model(
     rigid = {name: np.where(load.fixed, answer.reaction, 0.0)[:, turn] for name, answer in answers.items()}
     notes = (
         *(f"WARNING: {text}" for text in warnings),
-        f"The {kind} sheet, {sheet.thickness:g} m thick, solved in plane stress",
+        f"The {kind} sheet, {sheet.thickness:g} m thick, is solved in plane stress",
         LOADS[kind],
         *model.notes,
         *_support_lines(preset, model),
@@ -266,15 +269,18 @@ def _support_lines(preset: Preset, model: CalculixModel) -> Iterator[str]:
             called = f" ({name})" if support.name else ""
             yield f"SUPPORT_{k}{called} holds {support.hold} at {int(directions.any(axis=1).sum())} nodes"
         if support.spring:
-            yield f"{name} stands on springs with a total stiffness of {_vector(np.array(support.spring))} N/m"
+            yield f"the support {name} has springs with a total stiffness of {_vector(np.array(support.spring))} N/m"
         if support.clamp:
-            yield f"{name} is clamped: its edges do not turn"
+            yield f"the support {name} is clamped: supported edges do not rotate"
 
 
 def _expected_lines(name: str, model: CalculixModel, u: Floats, reaction: Floats, energy: float) -> Iterator[str]:
     force, node = model.steps[name], int(np.linalg.norm(u, axis=1).argmax())
     pair = elements_of("six_nodes")
-    yield f"{name}: the total force is {_vector(force.sum(axis=0))} N. Results of dsfab with {pair} on these triangles:"
+    (
+        yield f"{name}: the total force of the loads is {_vector(force.sum(axis=0))} N. Results of dsfab with "
+        f"elements {pair} on these triangles:"
+    )
     yield f"  largest displacement {np.linalg.norm(u[node]):.6g} m of a corner, node {node + 1}, {_vector(u[node])} m"
     yield f"  internal energy {energy:.6g} J of the sheet: half of the compliance, minus the energy of springs"
     for support, directions in model.supports.items():

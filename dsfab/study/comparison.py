@@ -1,4 +1,4 @@
-"""Comparison of a design with competitors of the same mass under the same loads."""
+"""Comparison of a design with other structures of the same mass under the same loads."""
 
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -35,10 +35,10 @@ NameReport = Callable[[str], None]  # receives the name of the structure that is
 @dataclass(frozen=True, repr=False)
 class Comparison:
     """Compliances of a design, the uncut sheet (`full`), and other structures of the design's mass (`rivals`).
-    The compliance, small for a stiff structure, is a weighted sum over the load cases that shape the pattern.
-    task      : data from which the structures were made.
-    pattern   : quality of the design's pattern; None if the design's widths were scaled or the design cannot be cut.
-    looked_at : results of fast solves for structures of `ALTERNATIVE_WORDS` that are not in `rivals`."""
+    A compliance, small for a stiff structure, is a weighted sum over the load cases that determine the pattern.
+    task      : data of the design that the structures were made from.
+    pattern   : quality of the design's pattern; None if stripe widths were scaled or the design cannot be cut.
+    looked_at : comparisons by fast solves with the structures of `ALTERNATIVE_WORDS` that are not in `rivals`."""
 
     name: str
     task: ComparisonTask
@@ -55,7 +55,7 @@ class Comparison:
         return judged + tuple(entry for entry in self.looked_at if entry.name not in {two.name for two in judged})
 
     def with_alternatives(self) -> Self:
-        """Return this comparison, with fast solves of those structures of `ALTERNATIVE_WORDS` that are missing."""
+        """Return this comparison with the missing structures of `ALTERNATIVE_WORDS` added, computed by fast solves."""
         missing = [name for name in ALTERNATIVE_WORDS if name not in {rival.name for rival in self.rivals}]
         structure = self.design.structure
         if not (structure and missing):
@@ -72,7 +72,7 @@ class Comparison:
         return next(competitor for competitor in self.competitors if competitor.name == name)
 
     def gain(self, name: str) -> float:
-        """Return a structure's compliance / the design's; above 1, the design is stiffer. nan if both are infinite."""
+        """Return compliance of a structure / compliance of the design (above 1: the design is stiffer), or nan."""
         rival, design_compliance = self[name].compliance, self.design.compliance
         if np.isfinite(design_compliance):
             return rival / design_compliance
@@ -107,9 +107,9 @@ def comparison(
     refuse: bool = True,
 ) -> Comparison:
     """Compare the compliance of a design's cut sheet with that of other structures of the same mass.
-    against : names of `BASELINES`.     judge : function that solves the design and the uncut sheet.
-    rival_judge : function that solves the stiffest variant (by `quick`) of each other structure, default `judge`.
-    report : function that receives the name of each other structure before it is made.
+    against : names of the other structures, in `BASELINES`.    judge : function that solves the design and uncut sheet.
+    rival_judge : function that solves the other structures, `judge` by default. It solves only the stiffest variant.
+    report : function that is called with the name of each other structure before the structure is made.
     refuse : True to raise an error if the design does not carry its loads; else `Comparison.design` has the error.
     Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names."""
     rivals = baselines_by_name(against)
@@ -134,13 +134,13 @@ def compare_at(
     judge: Judge = quick,
     report: NameReport | None = None,
 ) -> Comparison:
-    """Compare a design with other structures at another mass: the material of each covers `share` of the surface.
-    The widths of the design's stripes are scaled to this share. If the design fails, `Comparison.design` has the error.
-    against : names of `BASELINES`.    judge : function that solves all structures.
+    """Compare a design with other structures at a given mass: material covers the fraction `share` of the surface.
+    The design's stripe widths are scaled to this fraction. If the design fails, `Comparison.design` has the error.
+    against : names of the other structures, in `BASELINES`.    judge : function that solves all structures.
     Raises DsfabError for unknown names, or if `share` is not between 0 and 1."""
     rivals = baselines_by_name(against)
     if not 0 < share < 1:
-        raise DsfabError(f"the share {share:g} of the surface must lie between 0 and 1")
+        raise DsfabError(f"the share {share:g} of the surface that is material must lie between 0 and 1")
     task = ComparisonTask.from_design(design, share * design.surface.area)
     variant = Variant("", lambda: striped_structure(task, task.preset, task.diffusion, task.even))
     return _comparison(task, _competitor(task, "design", [variant], judge), rivals, (judge, judge), report)
@@ -172,7 +172,7 @@ def _comparison(
 
 
 def _without_answers(judge: Judge) -> Judge:
-    """Return a function that solves like `judge`, but does not keep displacements and stresses, to save memory."""
+    """Return a function that solves as `judge` does, but discards displacements and stresses to save memory."""
     return _quick_judgement if judge is quick else lambda task, structure: replace(judge(task, structure), solved={})
 
 
@@ -231,16 +231,16 @@ def _smallest_member(structure: Structure) -> float | None:
     return None if member is None else member.size
 
 
-SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # full check; True for a flat sheet with loads in its plane
+SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # in a full check; True: flat sheet with loads in its plane
 Level = Literal["quick", "full"]
 
 
 @dataclass(frozen=True)
 class Checks:
-    """Options for the checks of a comparison.
-    level  : "quick" (one solve) or "full" (several meshes, with an error bound). None: full for the design, and also
-             for the other structures if all checks take less than a minute.
-    ask    : number of frequencies and buckling factors to compute.        memory : limit of a full check, bytes."""
+    """Options for solving the structures of a comparison.
+    level  : "quick" (one solve) or "full" (several meshes, with an error bound). None means full for the design, and
+             also full for the other structures if all solves take less than a minute.
+    ask    : requested numbers of frequencies and buckling factors.    memory : limit of a full check, bytes."""
 
     level: str | None = None
     ask: ResultRequest | None = None
@@ -250,7 +250,7 @@ class Checks:
     def judge(self, depth: str, every: bool = False) -> Judge:
         """Return the function that computes the compliance of a structure.
         depth : "quick" (one solve), "full" (several meshes), or "whole": full for uncut sheets, quick for cut sheets.
-        every : True to judge all cases; else only the cases whose stresses determine the pattern."""
+        every : True to solve all load cases; False to solve only the cases whose stresses determine the pattern."""
         if depth == "whole":
             return _full_for_whole_sheets(self.judge("full"), self.judge("quick"))
         if depth == "full":
@@ -260,7 +260,7 @@ class Checks:
 
 class Judges(NamedTuple):
     """Functions that compute compliances: of a design in all load cases (`own`), and of other structures (`rival`).
-    told : message why structures with openings are solved only once; '' if all structures get the same check."""
+    told : message that structures with openings are solved only once; '' if all structures are solved alike."""
 
     own: Judge
     rival: Judge
@@ -273,7 +273,7 @@ def compare(
     """Compare the compliance of a design's cut sheet with that of other structures of the same mass.
     against : names of these structures in `dsfab.study.baselines.BASELINES`.
     level   : "quick": one solve of each sheet. "full": solves on finer and finer meshes, with an error bound.
-              None: full for the design, and also for the other structures if all checks take less than a minute.
+              None: full for the design, and also for the other structures if all solves take less than a minute.
     Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names."""
     names = tuple(against)
     design_judge, rival, _ = judges(design, names, Checks(level, progress=progress))
@@ -282,7 +282,7 @@ def compare(
 
 def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
     """Return the functions that compute the compliances of a design and of the structures compared with the design.
-    against : names of these structures.    checks : options."""
+    against : names of these structures in `BASELINES`.    checks : options for solving the structures."""
     names = tuple(baselines_by_name(against))
     if checks.level is None and _can_be_cut(design):
         plane = flat_axis(design.surface, *(case.load for case in design.statics.cases.values())) is not None
@@ -290,15 +290,17 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
         triangles = whole_sheets * design.surface.m + (2 + len(names) - whole_sheets) * design.sheet.surface.m
         seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # time on one core with two meshes
         if seconds > 60:
-            reason = f"full checks would take about {seconds:.0f} s, so competitors with openings get only one solve"
+            reason = (
+                f"full checks would take about {seconds:.0f} s, so dsfab solves competitors with openings only once"
+            )
             return Judges(checks.judge("full", True), checks.judge("whole"), reason)
     depth = checks.level or "full"
     return Judges(checks.judge(depth, True), checks.judge(depth))
 
 
 def full_at_many_shares(memory: float = BUDGET) -> Judge:
-    """Return a function that checks a structure like `full`, but stores its results for uncut sheets.
-    Use the function for several comparisons of the same surface. memory : bytes that the solver may take."""
+    """Return a function that checks a structure as `full` does, and caches its results for uncut sheets.
+    Use the function for several comparisons of the same surface. memory : bytes that the solver may use."""
     judge = partial(full, budget=memory)
     return _full_for_whole_sheets(judge, judge)
 

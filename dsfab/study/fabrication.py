@@ -23,9 +23,9 @@ from dsfab.thickening.wall_thickness import Wall, thinnest_wall
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """A fabrication limit and the measured value, metres; for `bed`, three limits and three sizes.
-    name  : key of [fabrication], such as "min_gap".
-    value, place, what : measured value, place, and name of the measured part.
+    """A fabrication limit and the measured value, metres. The check `bed` has three limits and three sizes.
+    name  : key of the preset's section [fabrication], such as "min_gap".
+    value : measured value.    place, what : position and description of the part that was measured.
     asked : True if the preset sets the limit; False for a default limit."""
 
     name: str
@@ -39,9 +39,9 @@ class Check:
 
 @dataclass(frozen=True)
 class PieceContacts:
-    """A connected piece of the sheet.
-    area : m2.
-    supports, loads : numbers (from 1) of the supports and loads on the piece."""
+    """A connected piece of the sheet, and the supports and loads that touch it. area : m2.
+    supports, loads : numbers of these supports and loads in the preset, from 1.
+    names : their names."""
 
     area: float
     supports: tuple[int, ...]
@@ -51,7 +51,7 @@ class PieceContacts:
 
 @dataclass(frozen=True, eq=False)
 class FabricationMeasures:
-    """Measures of a design for fabrication, in metres."""
+    """Measured sizes of a design that matter for fabrication, in metres, and checks of the fabrication limits."""
 
     thickness: float
     features: Features
@@ -67,7 +67,7 @@ class FabricationMeasures:
 
 
 def fabrication(design: Design) -> FabricationMeasures:
-    """Return measures of the sheet and the solid of a design, and checks of the preset's limits."""
+    """Measure the sheet and the solid of a design, and check the preset's fabrication limits."""
     cells = design.slicing.cells
     least = least_widths(design.resolved_preset, design.surface)
     sizes = features(cells, kept_cells(cells, design.sheet), design.pattern.names, tips=least.gap > 0)
@@ -90,8 +90,8 @@ def fabrication(design: Design) -> FabricationMeasures:
 
 
 def refusals(design: Design, measured: FabricationMeasures | None = None) -> tuple[str, ...]:
-    """Return reasons why a design should not be exported.
-    measured : measures of the design; None to leave out members and gaps."""
+    """Return the reasons why a design should not be exported, or an empty tuple.
+    measured : result of `fabrication`; None to leave out the checks of members and gaps."""
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
     try:
         sheet_loads(design.surface, design.slicing.cells.subset(), design.sheet, loads)
@@ -100,21 +100,23 @@ def refusals(design: Design, measured: FabricationMeasures | None = None) -> tup
     repairs = design.solid.repairs
     if repairs.thinnest < FILM and repairs.thinnest_at is not None:
         thin = length(repairs.thinnest * design.preset.statics.thickness)
-        why.append(f"the sheet was thinned to a film of {thin} at {point_words(repairs.thinnest_at)}")
+        why.append(f"the thickened sheet has become a film of only {thin} at {point_words(repairs.thinnest_at)}")
     for check in measured.failed_checks if measured and design.resolved_preset.pattern.for_workshop else ():
         if check.name in ("min_member", "min_gap") and check.value[0] < 1e-3:
-            why.append(f"{check.what} of {length(check.value[0])} at {point_words(check.place)} cannot be made")
+            why.append(
+                f"{check.what} of {length(check.value[0])} at {point_words(check.place)} is too small for fabrication"
+            )
     return tuple(why)
 
 
 def require_fit(design: Design, measured: FabricationMeasures | None = None, measure: bool = True) -> None:
-    """Raise PatternError if `refusals` finds reasons against an export.
-    measured : measures of the design.    measure : True to compute missing measures."""
+    """Raise PatternError if `refusals` finds reasons against an export, unless the preset accepts them.
+    measured : result of `fabrication`.    measure : True to compute this result if it is missing."""
     if measured is None and measure and design.resolved_preset.pattern.for_workshop:
         measured = fabrication(design)
     if not design.preset.fabrication.accept and (why := refusals(design, measured)):
         raise PatternError(
-            f"{'; '.join(why)}. To export it all the same, use --accept or set fabrication.accept = true"
+            f"{'; '.join(why)}. To export this design all the same, use --accept or set fabrication.accept = true"
         )
 
 
@@ -158,16 +160,16 @@ def _pieces_at(design: Design, picker: Picker, label: Ints) -> list[int]:
     return [int(k) for k in np.unique(label[is_touched[design.sheet.surface.F].any(axis=1)])]
 
 
-ATTEMPTS = 8  # largest number of changes of a design; each takes a whole run
+ATTEMPTS = 8  # most changes of a design; each change takes a whole run
 MARGIN = 1.02  # requested width divided by the limit: above 1 because slicing may narrow a member slightly
 COARSER, COARSEST = 0.85, 0.6  # one change of a design multiplies the frequencies of its stripes by 0.6 to 0.85
 
 
 @dataclass(frozen=True, eq=False)
 class FixedDesign:
-    """A design that meets the fabrication limits.
-    made    : measures of the design.
-    changes : old and new value of each changed key of the preset."""
+    """A design that meets the fabrication limits after changes of its preset.
+    made    : measured sizes of the design.
+    changes : old and new value of each changed preset key."""
 
     design: Design
     made: FabricationMeasures
@@ -192,10 +194,14 @@ def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesig
     if measured.failed_checks:
         failed = measured.failed_checks
         failures = "; ".join(f"{x.name} {_mm(x.limit[0])}: {_mm(x.value[0])}, {x.what}" for x in failed)
-        fewer = "raise pattern.*.spacing" if design.pattern.even else "lower pattern.*.frequency, or choose other modes"
+        fewer = (
+            "raise pattern.*.spacing"
+            if design.pattern.even
+            else "lower the frequency of the stripes (pattern.*.frequency), or choose other modes"
+        )
         raise PatternError(
-            f"the limits of fabrication are not met after {ATTEMPTS} changes of the widths ({failures}); lower the "
-            f"limits, or {fewer}"
+            f"the design does not meet the limits of fabrication after {ATTEMPTS} changes of widths and spacings "
+            f"({failures}); lower the limits, or {fewer}"
         )
     return FixedDesign(design, measured, _differences(original, design.preset))
 
@@ -203,14 +209,14 @@ def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesig
 def _refuse_unfixable(check: Check) -> None:
     if check.name == "min_wall":
         raise PatternError(
-            f"the thinnest wall is {_mm(check.value[0])}, the limit fabrication.min_wall is {_mm(check.limit[0])}; "
-            "no pattern makes walls thicker: raise statics.thickness"
+            f"the thinnest wall is {_mm(check.value[0])}, below the limit fabrication.min_wall = "
+            f"{_mm(check.limit[0])}; a change of the pattern does not make walls thicker: raise statics.thickness"
         )
     if check.name == "bed":
         size, bed = (" x ".join(_mm(x) for x in values) for values in (check.value, check.limit))
         raise PatternError(
-            f"the solid is {size}, the bed of the machine is {bed}; no pattern makes the solid smaller: split it "
-            "with [[thickening.extra]] kind = 'split', or raise fabrication.bed"
+            f"the size of the solid is {size}, larger than the machine, {bed}; a change of the pattern does not make "
+            f"the solid smaller: split the solid with [[thickening.extra]] kind = 'split', or raise fabrication.bed"
         )
 
 
@@ -228,13 +234,13 @@ def _changes(design: Design, measured: FabricationMeasures) -> dict[str, Any]:
 
 
 def fewer_stripes(design: Design, measured: FabricationMeasures) -> dict[str, Any]:
-    """Return new values of preset keys, such as pattern.major.spacing, for fewer stripes."""
+    """Return new values of preset keys, such as pattern.major.spacing, that give fewer stripes."""
     short = min((c.value[0] / c.limit[0] for c in measured.failed_checks if c.name == "min_member"), default=COARSER)
     return spacing_changes(design, 1 / min(max(short, COARSEST), COARSER))
 
 
 def spacing_changes(design: Design, factor: float) -> dict[str, Any]:
-    """Return new values of preset keys for a spacing multiplied by `factor`."""
+    """Return new values of preset keys that multiply the spacing of all stripes by `factor`."""
     pattern, changes = design.preset.pattern, dict[str, Any]()
     for name, family in zip(pattern.family_names, pattern.drawn_families, strict=True):
         if family.spacing or design.pattern.even:
@@ -259,7 +265,7 @@ def _wider_stripes(preset: Preset, check: Check) -> dict[str, Any]:
 
 
 def raised_value(value: float, check: Check) -> float:
-    """Return a larger width (m) for a failed check."""
+    """Return a width (m) larger than `value` for the next attempt to meet the limit of a failed check."""
     limit = MARGIN * check.limit[0]
     if value < limit:
         return _four_digits(limit)

@@ -1,4 +1,4 @@
-"""Judges of structures: compliance, displacements and stress on one mesh or several."""
+"""Functions that solve a structure on one mesh or several: compliance, displacements and stress."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -32,13 +32,13 @@ from dsfab.surface import LoadCase
 @dataclass(frozen=True)
 class CaseResponse:
     """Response of a sheet to a load.
-    compliance   : joules.     displacement : largest displacement (m) with its place.
-    stress, tension, compression : largest values (Pa).
+    compliance   : joules.     displacement : largest displacement (m) and the point where it occurs.
+    stress, tension, compression : largest von Mises, tensile and compressive stress (Pa).
     utilisation  : two values of stress / strength: not exceeded on 99 % of the area; largest away from corners.
-    reactions    : (3,) newtons for each support, in the order of surface.support.
-    buckling     : lowest buckling factor, or None.     frequency : lowest frequency (Hz), or None.
-    buckling_bound, frequency_bound : relative error bounds; None for one mesh.
-    local        : text about a buckling mode in a small part of the sheet, or ''."""
+    reactions    : (3,) force of each support, newtons, in the order of surface.support.
+    buckling     : lowest buckling factor, or None.     frequency : lowest natural frequency (Hz), or None.
+    buckling_bound, frequency_bound : relative error bounds; None if only one mesh was solved.
+    local        : message if only a small part of the sheet buckles, or ''."""
 
     compliance: float
     displacement: Extreme
@@ -61,7 +61,7 @@ class CaseResponse:
 
 @dataclass(frozen=True, eq=False)
 class AnsweredLoad:
-    """A load on a cut sheet, with the equilibrium and stress under the load."""
+    """A load on a cut sheet, with the displacements and stress that it causes."""
 
     load: LoadCase
     equilibrium: Equilibrium
@@ -71,11 +71,11 @@ class AnsweredLoad:
 @dataclass(frozen=True)
 class Judgement:
     """Computed compliance of a structure, response to each load, and verdict on the accuracy.
-    compliance : weighted sum over the loads that shape the structure's pattern, joules.
-    bound      : relative error bound of the compliance, or None.     cases : response to each load, by the load's name.
-    check      : result of solves on several meshes; None for one mesh.
-    theory     : largest expected compliance of the solid, divided by that of the shell, minus 1; None for one mesh.
-    solved     : solutions on the unrefined mesh, by the load's name; may be empty."""
+    compliance : weighted sum over the loads whose stress determines the pattern, joules.
+    bound      : relative error bound of the compliance, or None.     cases : response to each load, by name.
+    check      : result of solves on several meshes; None if only one mesh was solved.
+    theory     : largest expected value of "compliance of the solid / compliance of the shell - 1", or None.
+    solved     : solutions on the unrefined mesh, by name of the load; may be empty."""
 
     compliance: float
     cases: Mapping[str, CaseResponse]
@@ -91,12 +91,12 @@ class Judgement:
         return "full" if self.check else "quick"
 
     def solid_loss(self, power: float) -> float:
-        """Return the fraction by which a buckling factor or frequency is lower for the solid than for the shell.
+        """Return the fraction by which a buckling factor or frequency of the solid is below that of the shell model.
         power : 1 for buckling factors, 0.5 for frequencies."""
         return float(1 - (1 + (self.theory or 0.0)) ** -power)
 
     def worst(self, name: str) -> Extreme:
-        """Return the largest `displacement`, `tension`, `compression` or `stress` of all cases."""
+        """Return the largest `displacement`, `tension`, `compression` or `stress` (the `name`) of all load cases."""
         extremes: list[Extreme] = [getattr(case, name) for case in self.cases.values()]
         return max(extremes, key=lambda extreme: extreme.settled)
 
@@ -105,8 +105,8 @@ Judge = Callable[[ComparisonTask, Structure], Judgement]  # solves a structure; 
 
 
 def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False) -> dict[str, AnsweredLoad]:
-    """Solve the sheet of a structure for each load that shapes the pattern.
-    every : True to solve all cases and combinations.    Raises StaticsError if the structure does not carry a load."""
+    """Solve the sheet of a structure for each load whose stress determines the pattern.
+    every : True to solve all cases and combinations. Raises StaticsError if the structure does not carry a load."""
     statics, surface = task.preset.statics, structure.sheet.surface
     loads = sheet_loads(task.surface, structure.material, structure.sheet, task.loads_on(structure, every))
     sheet = statics.sheet(structure.thickness).model_for(surface)
@@ -125,16 +125,23 @@ def quick(
     solved: Mapping[str, AnsweredLoad] | None = None,
 ) -> Judgement:
     """Compute compliance, stress and displacements by one solve on the unrefined mesh, without a verdict.
-    ask   : requested frequencies and buckling factors.
-    every : True for all cases and combinations.
-    Raises StaticsError if the structure does not carry a load."""
+    ask   : requested numbers of frequencies and buckling factors.
+    every : True for all cases and combinations; False for the loads whose stress determines the pattern.
+    solved : earlier solutions by name of the load. Raises StaticsError if the structure does not carry a load."""
     answers, request = solved or solved_loads(task, structure, every), ask or ResultRequest()
     cases = {name: _case_response(task, structure, answered, request) for name, answered in answers.items()}
     total = sum(weight * cases[name].compliance for name, weight in task.preset.followed_weights.items())
     typical, largest = estimates.QUICK_ERRORS
-    text = f"no verdict by one solve on the cut mesh: median error {typical:.0%}, 90 % quantile {largest:.0%}"
+    text = (
+        f"one solve on the cut mesh gives no verdict: the median error is {typical:.0%}, and 90 % of errors are below "
+        f"{largest:.0%}"
+    )
     if structure.cells is structure.sheet and not task.is_plane:
-        largest, text = (0.5, "one solve on the uncut mesh: compliances were wrong by up to a third; more is possible")
+        largest, text = (
+            0.5,
+            "one solve on the uncut mesh gives no verdict: in tests, compliances were wrong by up "
+            "to a third, and larger errors are possible",
+        )
     return Judgement(total, cases, bound=largest, reason=text, solved=answers)
 
 
@@ -161,7 +168,7 @@ def _case_response(
 
 
 def utilisation(stress: Extreme, strength: float) -> tuple[float, float] | None:
-    """Return two values of stress / strength, or None without a strength.
+    """Return two values of stress / strength; None if the strength (Pa) is 0.
     The first stress is not exceeded on 99 % of the area. The second stress is the largest away from corners."""
     return (stress.quantile / strength, stress.settled / strength) if strength else None
 
@@ -205,8 +212,8 @@ def full(
     progress: Progress | None = None,
 ) -> Judgement:
     """Compute compliance, buckling factors and frequencies on finer and finer meshes, with error bounds.
-    If the memory is too small, the result is that of `quick`.    budget : memory, bytes.
-    Raises StaticsError if the structure does not carry the loads that shape its pattern."""
+    budget : memory, bytes. If the memory is too small, the result is that of `quick`.    ask, every : as for `quick`.
+    Raises StaticsError if the structure does not carry the loads whose stress determines its pattern."""
     try:
         quick_judgement = quick(task, structure, None, every)
     except StaticsError as error:

@@ -1,4 +1,4 @@
-"""`KeptChecks`: finished checks of a comparison on disk, so that an interrupted comparison does not repeat them."""
+"""Stores finished checks of a comparison on disk, so that an interrupted comparison does not repeat them."""
 
 import hashlib
 import json
@@ -22,18 +22,18 @@ from dsfab.study.verdict import Verdict
 
 @dataclass(frozen=True)
 class KeptChecks:
-    """Judgements in the files of a folder, one for each structure.
-    options : text of all options that change a judgement.
-    reused  : function that is called for each judgement that comes from a file."""
+    """A folder with a file for each checked structure. The file contains the computed results (a `Judgement`).
+    options : text with all options that change the results.
+    reused  : function that is called each time when results are read from a file."""
 
     folder: Path
     options: str
     reused: Callable[[], None]
 
     def keeping(self, judge: Judge, every: bool | None = None) -> Judge:
-        """Return a function that judges like `judge`, and keeps each judgement in a file.
-        every : for judgements with solutions: True for solutions of all cases. None: judgements without solutions.
-        The solutions themselves are not kept, because one solve gives them again. The judge `quick` stays as it is."""
+        """Return a function that computes results as `judge` does, and stores them in a file, except for `quick`.
+        The file contains no displacements and stresses, because one solve gives them again.
+        every : True to solve all load cases again, False to solve the pattern's load cases again, None for no solve."""
         if judge is quick:
             return judge
 
@@ -55,7 +55,7 @@ class KeptChecks:
         return lookup
 
     def _key(self, task: ComparisonTask, structure: Structure, every: bool | None) -> str:
-        """Return a hash of all data on which the judgement depends."""
+        """Return a hash of all data on which a structure's results depend; it is the name of the file."""
         digest = hashlib.sha256()
         texts = version("dsfab"), preset_toml(task.preset), self.options, repr(every), repr(structure.thickness)
         for text in texts:
@@ -77,7 +77,7 @@ def _readers() -> tuple[TypeAdapter[dict[str, CaseResponse]], TypeAdapter[Verdic
 
 
 def _read(file: Path) -> Judgement | None:
-    """Return the judgement in a file, or None if the file is missing or not readable."""
+    """Return the results in a file, or None if the file is missing or not readable."""
     try:
         values: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
         cases, check = _readers()

@@ -1,4 +1,4 @@
-"""Sizing: search for the thinnest sheet on sale with which the cut structure meets the targets of [sizing]."""
+"""Search for the thinnest available sheet for which the cut structure meets the targets of the section [sizing]."""
 
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
@@ -20,21 +20,21 @@ from dsfab.study.carrying import Carrying, CutStatics, carrying, cut_loads, use_
 from dsfab.study.fabrication import spacing_changes
 
 REACH, REACH_UP = 3.0, 6.0
-"""Range of tried thicknesses: from the first guess divided by `REACH` to the guess times `REACH_UP`."""
-OWN_CUTS = 3  # Largest number of thicknesses for which the whole design is made, after a quick draft.
+"""Range of tried thicknesses: from the first guess divided by REACH to the first guess times REACH_UP."""
+OWN_CUTS = 3  # Largest number of thicknesses that get a whole design after a quick draft.
 SERIES = 1.15  # Ratio of successive thicknesses for a material without a stock.
 MORE, MOST = 1.3, 0.75  # Factor that raises the share of the surface with material, and largest share.
-MUCH_THINNER = 0.75  # A sheet is thinner than this fraction of a sheet that cannot be cut.
+MUCH_THINNER = 0.75  # After a failed cut, next thickness / last thickness is below this.
 CLOSER = 0.75  # Factor on the spacing of members if a pattern with more material still misses the targets.
 
 
 @dataclass(frozen=True)
 class SizingTrial:
     """A tried thickness (m), and results for the cut sheet.
-    share    : share of the surface that is material.     movement : largest displacement divided by the span.
-    buckling : lowest buckling factor; inf if unknown.     utilisation : largest utilisation; None if not computed.
-    excess   : ratio of result to limit by name of the target (limit to result for buckling); a target is met up to 1.
-    is_final : True if the pattern was cut for this thickness."""
+    share    : material area / surface area.               movement : largest displacement divided by the span.
+    buckling : lowest buckling factor; inf if unknown.     utilisation : largest stress / strength, or None.
+    excess   : result / limit for each target by name (limit / result for buckling); at most 1 if the target is met.
+    is_final : True if the pattern was made for this thickness."""
 
     thickness: float
     share: float
@@ -51,7 +51,7 @@ class SizingTrial:
 
     @property
     def row(self) -> tuple[str, ...]:
-        """Texts about this trial, for a row of a table."""
+        """Texts of the table row that describes this trial."""
         missed = ", ".join(name for name, value in self.excess.items() if value > 1)
         moved = f"span / {1 / self.movement:.0f}" if self.movement > 0 else "none"
         moved = moved if self.movement < 1 else "over its span"
@@ -64,8 +64,8 @@ class SizingTrial:
 
 @dataclass(frozen=True)
 class SizingResult:
-    """Trials of thicknesses for a design; the last trial has the thickness that was chosen.
-    stock : text about the source of the tried thicknesses.     changes : changed values of the preset, by key."""
+    """Trials of thicknesses for a design. The last trial has the chosen thickness.
+    stock : text that says where the tried thicknesses come from.    changes : changed preset values, by key."""
 
     trials: tuple[SizingTrial, ...]
     stock: str
@@ -77,8 +77,8 @@ class SizingResult:
         return self.trials[-1].worst <= 1
 
     def lines(self, every: bool = False) -> Iterator[str]:
-        """Yield the lines of a text: a table of the trials, then remarks.
-        every : True to list all trials. False for cut designs, and drafts of the next thinner or chosen thickness."""
+        """Yield a table of the trials, then lines with remarks.
+        every : True to list all trials. False to list final designs and the most important draft."""
         thickness, final = self.trials[-1].thickness, {trial.thickness for trial in self.trials if trial.is_final}
         if every or self.changes or not self.fits:
             shown = {trial.thickness for trial in self.trials} if every else {thickness}
@@ -91,15 +91,19 @@ class SizingResult:
             yield f"thicknesses: {self.stock}"
         if self.changes:
             values = ", ".join(f"{key} = {value:g}" for key, value in self.changes.items())
-            yield f"no thickness suffices with the pattern of the preset, so these keys were changed: {values}"
+            (
+                yield f"no thickness meets the targets with the pattern of the preset, so these keys were changed: "
+                f"{values}"
+            )
         if not self.fits:
             yield (
-                f"no thickness meets the targets; {length(thickness)} comes nearest: add supports, give the "
+                f"no thickness meets the targets; a thickness of {length(thickness)} is nearest: add supports, give "
+                f"the "
                 "surface more rise, or lower the targets in [sizing]"
             )
 
     def facts(self) -> dict[str, Any]:
-        """Return the key `sizing` of `design.json`: the trials as plain values in SI units; unknown values are None."""
+        """Return the value of `sizing` in `design.json`: the trials in SI units, with None for unknown values."""
 
         def finite(values: dict[str, Any]) -> dict[str, Any]:
             return {key: None if value == float("inf") else value for key, value in values.items()}
@@ -109,7 +113,7 @@ class SizingResult:
 
 
 def sizing_result(design: Design) -> SizingResult | None:
-    """Return the trials by which dsfab chose the thickness of a design; None if the preset gave the thickness."""
+    """Return the trials from which dsfab chose the thickness of a design; None if the preset sets the thickness."""
     result: SizingResult | None = design.existing_result("sizing")
     return result
 
@@ -125,7 +129,7 @@ def sized_preset(preset: Preset, progress: Progress = silent) -> Preset:
 
 
 def guessed_preset(preset: Preset) -> Preset:
-    """Return the preset. If its thickness is auto, replace it by a rough guess, which is enough for quick drawings."""
+    """Return the preset. If its thickness is auto, replace it by a rough guess; this is enough for quick drawings."""
     if preset.statics.is_sized:
         return preset
     guess = preset.sizing.first
@@ -138,10 +142,10 @@ def guessed_preset(preset: Preset) -> Preset:
 def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     """Return the design, up to slicing, with the thinnest sheet that meets the targets of [sizing].
 
-    One solve of a rough draft gives approximate results for similar thicknesses. Then the whole design is made for the
-    thickness that comes nearest to the targets, and for the next thicknesses if they may be better.
-    If no thickness suffices, the pattern gets more material, then also a smaller spacing. If this does not help, the
-    result is the design that comes nearest to the targets.
+    One solve of a rough draft gives approximate results for similar thicknesses. Then the whole design is made with
+    the thickness that comes nearest to the targets. It is also made with the next thicknesses if they may be better.
+    If no thickness meets the targets, the pattern gets more material, then also a smaller spacing. If this does not
+    help, the result is the design that comes nearest to the targets.
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
     preset.statics.require_strength()
     guess = guessed_preset(preset)
@@ -175,7 +179,7 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
         try:
             trial = _trial(design, carrying(design), row)
         except (PatternError, StaticsError):
-            # members and round corners that are wider by the thickness fill the openings: try much thinner sheets
+            # thick sheets widen members and corners, which fills the openings: try much thinner sheets
             candidates = [(draft, keys) for draft, keys in candidates if draft.thickness < MUCH_THINNER * row.thickness]
             if not candidates:
                 raise
@@ -186,8 +190,8 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
 
 
 def _possible_thicknesses(design: Design, stock: Sequence[float], source: str) -> tuple[Sequence[float], str]:
-    """Return the thicknesses (m) of `stock` for which the surface does not bend too sharply, and the text `source`.
-    The text then also names the other thicknesses. Raises SolidError if the surface bends too sharply for all."""
+    """Return the thicknesses (m) in `stock` for which the surface does not bend too sharply.
+    Return also the text `source`, extended by the excluded thicknesses. Raises SolidError if all are excluded."""
     possible = list[float]()
     for thickness in stock:
         with suppress(SolidError):
@@ -196,12 +200,13 @@ def _possible_thicknesses(design: Design, stock: Sequence[float], source: str) -
     if not possible:
         checked_offsets(design.preset.with_thickness(stock[0]), design.surface)
     if refused := [length(thickness) for thickness in stock if thickness not in possible]:
-        source += f"; without {', '.join(refused)}, for which the surface bends too sharply"
+        source += f"; the thicknesses {', '.join(refused)} are left out, because the surface bends too sharply for them"
     return possible, source
 
 
 def _standing_design(design: Design, thickest: float, progress: Progress) -> Design:
-    """Return the design, at most `thickest` (m) thick, or exactly this thick if the uncut sheet moves too much."""
+    """Return the design with a thickness of at most `thickest` (m).
+    If the uncut sheet still moves too much, the design gets the thickness `thickest`."""
     preset = design.preset.with_thickness(min(design.preset.statics.thickness, thickest))
     design = Design.from_preset(preset, design, progress)
     is_refused = bool(refusal(preset, design.statics))
@@ -209,7 +214,7 @@ def _standing_design(design: Design, thickest: float, progress: Progress) -> Des
 
 
 def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) -> "_StockTrials":
-    """Make a rough draft of the design, and return its results with all thicknesses of `stock` near its own.
+    """Make a rough draft of the design, and return its results for all thicknesses in `stock` near its thickness.
     If other thicknesses may be better, make another draft. Raises the first draft's PatternError or StaticsError."""
     thickness, solved, rows = design.preset.statics.thickness, set[float](), None
     while True:
@@ -235,7 +240,7 @@ def _nearest_trials(design: Design, stock: Sequence[float], progress: Progress) 
 
 
 def _draft(design: Design) -> Design:
-    """Return a rough draft of a design: approximate widths, sharp corners, half as many triangles."""
+    """Return a rough draft of a design: approximate widths, corners without fillets, half as many triangles."""
     draft = Design.from_preset(design.preset.with_pattern(fillet=0.0), design)
     return draft.sketch(answers=True) or draft
 
@@ -243,7 +248,7 @@ def _draft(design: Design) -> Design:
 def _own_cuts(
     design: Design, preset: Preset, rows: "_StockTrials", progress: Progress
 ) -> tuple[list[SizingTrial], Design | None]:
-    """Make whole designs, first with the thickness that is nearest to the targets in `rows`, the results of a draft.
+    """Make whole designs. The first has the thickness that comes nearest to the targets in `rows`, a draft's results.
     Return the trials, and the thinnest design that meets the targets (the last trial) or None.
     Raises PatternError or StaticsError if a design cannot be made before any design meets the targets."""
     trials, chosen, count = list[SizingTrial](), None, len(rows.trials)
@@ -278,22 +283,22 @@ def _with_result(design: Design, result: SizingResult) -> Design:
 
 
 def stock_thicknesses(preset: Preset, guess: float) -> tuple[Sequence[float], str]:
-    """Return the sheet thicknesses to try (m), ascending, and a text about their source. guess : estimate (m)."""
+    """Return the thicknesses (m) to try, ascending, and a text about their source. guess : estimated thickness (m)."""
     if preset.sizing.thicknesses:
         return sorted(preset.sizing.thicknesses), "from the list sizing.thicknesses of the preset"
     stock = STOCK.get(preset.statics.material or "")
     if stock is None:
         down, up = (int(np.log(reach) / np.log(SERIES)) for reach in (REACH, REACH_UP))
         series = [two_digits(guess * SERIES**k) for k in range(-down, up + 1)]
-        return series, "in steps of 15 %, because dsfab knows no stock thicknesses of statics.material"
+        return series, "in steps of 15 %, because dsfab has no list of thicknesses for statics.material"
     within_reach = [t for t in stock.metres if 1 / REACH <= t / guess <= REACH_UP]
     source = f"{preset.statics.material}, {stock.source}"
     return within_reach or [min(stock.metres, key=lambda t: abs(t - guess))], source
 
 
 def further_changes(design: Design, thickness: float) -> list[dict[str, Any]]:
-    """Return the changes of the pattern to try in turn: more material, then also a smaller spacing.
-    If members as wide as `thickness` (m) leave too small openings, both changes have a larger spacing instead."""
+    """Return the changes of preset values to try in turn: more material, then also a smaller spacing.
+    If members as wide as `thickness` (m) leave too small openings, all changes have a larger spacing instead."""
     width, wider = design.preset.pattern.width, dict[str, Any]()
     if width.solid_fraction:
         wider["pattern.width.solid_fraction"] = two_digits(min(MORE * width.solid_fraction, MOST))
@@ -306,8 +311,8 @@ def further_changes(design: Design, thickness: float) -> list[dict[str, Any]]:
 
 
 def spacing_for_width(design: Design, width: float) -> float:
-    """Return the factor on the spacing with which members of a width (m) cover the requested share of the surface.
-    In a grid of spacing s they cover 1 - (1 - width / s)^2, in one family width / s."""
+    """Return the factor on the spacing for which members of a width (m) cover the requested part of the surface.
+    One family of members with the spacing s covers the fraction width / s; two cover 1 - (1 - width / s)^2."""
     pattern, surface = design.preset.pattern, design.surface
     if not pattern.width.solid_fraction:
         return width / pattern.width.member if pattern.width.member else 0.0
@@ -319,7 +324,7 @@ def spacing_for_width(design: Design, width: float) -> float:
 
 @dataclass
 class _StockTrials:
-    """Trials of one cut sheet with each thickness of a list."""
+    """Trials of one cut sheet that is solved with each thickness of a list."""
 
     design: Design
     basis: ThicknessBasis
@@ -332,7 +337,7 @@ class _StockTrials:
         return bisect_left(range(count), True, lo=start, key=lambda k: self.full_trial(k).worst <= 1)
 
     def full_trial(self, k: int) -> SizingTrial:
-        """Return trial number k, with its utilisation, which is computed on the first call because it takes longest."""
+        """Return trial number k with its utilisation. The utilisation takes longest; the first call computes it."""
         row = self.trials[k]
         if row.utilisation is None:
             outcome = use_and_movement(self.statics(row.thickness))
@@ -344,7 +349,7 @@ class _StockTrials:
 
 
 def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) -> _StockTrials:
-    """Return a trial for each thickness, without utilisation. Raises StaticsError if the loads are not carried."""
+    """Return a trial for each thickness in `stock`, without its utilisation. Raises StaticsError if a solve fails."""
     progress("sizing", f"solving a draft of the cut sheet for {len(stock)} thicknesses")
     loads = cut_loads(design, design.preset.statics.thickness)
     model = design.sheet_with_ribs(design.preset.statics.thickness)
@@ -357,8 +362,8 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
 
 
 def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) -> SizingTrial:
-    """Return the trial of a solved structure.
-    row : for a final cut, an earlier trial of this thickness, for a missing buckling factor; None for a draft."""
+    """Return the trial of a solved structure. row : for a final design, an earlier trial of this thickness, which gives
+    the buckling factor if `outcome` has none; None for a draft."""
     targets = design.preset.sizing
     use = outcome.use.value if outcome.use else float("inf") if row else None  # None: utilisation not yet computed
     movement = outcome.movement.share if outcome.movement else float("inf")

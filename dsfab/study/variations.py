@@ -1,4 +1,4 @@
-"""Values of the option `--vary`, and order of the runs."""
+"""Values of the command line option `--vary`, and order of the runs with these values."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,8 +14,8 @@ Values = Mapping[str, Sequence[Any]]
 
 
 def parse_variations(texts: Sequence[str]) -> Values:
-    """Return the values by key from texts `KEY=LOW:HIGH:COUNT` (both ends included) or `KEY=ONE,TWO,...`.
-    Raises DsfabError for any other text, for empty ranges, and for repeated values or keys."""
+    """Return the list of values for each key from texts `KEY=LOW:HIGH:COUNT` or `KEY=ONE,TWO,...`.
+    A range includes LOW and HIGH. Raises DsfabError for other texts, empty ranges, and repeated values or keys."""
     variations = dict[str, list[Any]]()
     for text in texts:
         key, equals, values = (part.strip() for part in text.partition("="))
@@ -39,7 +39,7 @@ def _range(text: str, values: str) -> list[Any]:
             f"--vary {text!r} is not a range; write KEY=LOW:HIGH:COUNT, such as diffusion.r=10:100:4"
         ) from None
     if not (isfinite(start) and isfinite(end)):
-        raise DsfabError(f"--vary {text!r} does not run between two finite numbers; write for instance 4:24:6")
+        raise DsfabError(f"--vary {text!r} needs two finite numbers as its limits; write for instance 4:24:6")
     if steps < 1:
         raise DsfabError(f"--vary {text!r} has {steps} values; give a count (the last number) of 1 or more")
     if steps > 1 and start == end:
@@ -56,7 +56,7 @@ def _parsed_list(text: str, key: str, values: str) -> list[Any]:
         raise DsfabError(f"--vary {text!r} has an empty value; write for instance diffusion.r=1,10,100")
     parsed = [parse_override(f"{key}={word}")[1] for word in words]
     if len({str(value) for value in parsed}) < len(parsed):
-        raise DsfabError(f"--vary {text!r} has a value twice; give each value once")
+        raise DsfabError(f"--vary {text!r} lists a value twice; give each value once")
     return parsed
 
 
@@ -65,18 +65,18 @@ def count(values: Values) -> int:
 
 
 def combinations(values: Values) -> Iterator[dict[str, Any]]:
-    """Yield every combination of the values; the value of the last key changes most often."""
+    """Yield every combination of the values, as a dict from keys to values. The last key changes fastest."""
     return (dict(zip(values, chosen, strict=True)) for chosen in product(*values.values()))
 
 
 def stage_of(key: str) -> int:
-    """Return the index of a key's stage; keys without a stage come last."""
+    """Return the index of the design stage that uses a preset key; the number of stages for a key without a stage."""
     section = key.split(".")[0]
     return STAGES.index(section) if section in STAGES else len(STAGES)
 
 
 def signature(changes: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return a text for each stage: the changed values.
+    """Return a text for each stage of a design. The text contains the changed values of this stage.
     changes : changed values of the preset, by dotted key."""
     by_stage: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
     for key, value in changes.items():
@@ -87,7 +87,7 @@ def signature(changes: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
-    """Return the indices of the runs, sorted so that successive runs share first stages.
+    """Return the indices of the runs, sorted so that a run can reuse the first stages of the run before it.
     runs : changed values of the preset, by dotted key."""
     signatures = [signature(changes) for changes in runs]
     places: list[dict[str, int]] = [{} for _ in STAGES]
@@ -100,7 +100,7 @@ def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
 
 def expected_seconds(values: Values, stages: Mapping[str, float], picture: float) -> float:
     """Return the expected time (s) to compute and draw all combinations of the values.
-    stages : time of each stage, s.    picture : time to draw a picture, s."""
+    values : list of values for each key.    stages : time of each stage of a design, s.    picture : drawing time."""
     total = picture * count(values)
     for stage, seconds in stages.items():
         # a stage runs once for each combination of the values of all keys up to this stage
@@ -109,14 +109,14 @@ def expected_seconds(values: Values, stages: Mapping[str, float], picture: float
 
 
 def spelled_value(value: Any) -> str:
-    """Return a value as text for the command line."""
+    """Return a preset value as a text for the command line."""
     if isinstance(value, str) and value.replace("_", "").isalpha() and value not in ("true", "false", "inf", "nan"):
         return value
     return json.dumps(value)
 
 
 def short_names(keys: Sequence[str]) -> dict[str, str]:
-    """Return each dotted key's shortest ending that no other key has, such as major.frequency."""
+    """Return a short name for each dotted key: the shortest ending that no other key has, such as major.frequency."""
     names = {}
     for key in keys:
         words = key.split(".")

@@ -1,4 +1,4 @@
-"""Stage 1: the surface, its supports and its loads."""
+"""Stage 1 of a design: the surface, its supports and its loads."""
 
 from dsfab.surface.clean.overlaps import parallel_remarks
 from dsfab.surface.clean.repair import is_scan, mended_mesh, repaired_scan

@@ -14,19 +14,19 @@ CREASE = 30.0  # Least angle between the normals of the faces at a crease, degre
 
 
 def feature_edges(surface: Surface) -> Bools:
-    """Mark the edges (e,) on the boundary, at a crease, or between faces of opposite orientation."""
+    """Return a mask (e,) of edges on the boundary, at a crease, or between faces of opposite orientation."""
     return border_edges(surface) | sharp_edges(surface)
 
 
 def border_edges(surface: Surface) -> Bools:
-    """Mark the edges (e,) on the boundary, or between faces of opposite orientation."""
+    """Return a mask (e,) of edges on the boundary, or between faces of opposite orientation."""
     marks = surface.edges.boundary.copy()
     marks[misoriented_edges(surface.F, surface.edges)] = True
     return marks
 
 
 def sharp_edges(surface: Surface) -> Bools:
-    """Mark the edges (e,) that fold by at least 30 degrees."""
+    """Return a mask (e,) of edges at which the normals of the two faces differ by at least 30 degrees."""
     marks = np.zeros(len(surface.edges.ends), dtype=bool)
     first_normals, second_normals = surface.normals[surface.edges.pairs // 3].transpose(1, 0, 2)
     marks[surface.edges.count == 2] = np.einsum("ei,ei->e", first_normals, second_normals) < np.cos(np.radians(CREASE))
@@ -34,14 +34,16 @@ def sharp_edges(surface: Surface) -> Bools:
 
 
 def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Surface:
-    """Return the surface with triangles divided until no edge is longer than `target` metres; old vertices come first.
+    """Return the surface with triangles divided until no edge is longer than `target` metres. Old vertices come first.
 
     smooth : False: long edges are halved, and the shape stays the same [Rivara 1984]. True: every triangle is divided
     in four, and vertices move towards a smooth surface [Loop 1987].
 
     Raises SurfaceError for an invalid target, for too many triangles, and for `smooth` without an oriented manifold."""
     if not (np.isfinite(target) and target > 0):
-        raise SurfaceError(f"the edge length {target} must be a positive length in metres; change surface.refine")
+        raise SurfaceError(
+            f"the edge length {target} must be a positive length in metres; change the key surface.refine"
+        )
     if smooth and (faults := manifold_faults(surface.F, surface.edges, surface.n)):
         raise SurfaceError(f"only a manifold surface can be subdivided smoothly: {faults[0]}; set smooth to false")
     V, F = surface.V, surface.F
@@ -59,7 +61,7 @@ def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Su
 
 
 def _loop_subdivision(V: Floats, F: Ints, edges: EdgeTable, fixed_edges: Ints) -> tuple[Floats, Ints, Ints]:
-    """Divide every triangle in four. Return vertices, faces, and the halves of fixed edges."""
+    """Divide every triangle in four by Loop's scheme. Return vertices, faces, and the two halves of each fixed edge."""
     positions = np.searchsorted(edges.ends @ (len(V), 1), fixed_edges @ (len(V), 1))
     moved, finer = igl.loop(V, F, 1)
     middle = np.empty(len(edges.ends), dtype=np.int64)
@@ -109,7 +111,7 @@ def halved_edges(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[F
 
 
 def with_longest_edges(V: Floats, edges: EdgeTable, halves: Bools) -> Bools:
-    """Mark more edges (e,), until each face with a marked edge has a marked longest edge [Rivara 1984]."""
+    """Extend the mask `halves` (e,) until the longest edge is marked in each face with a marked edge [Rivara 1984]."""
     length = edge_lengths(V, edges.ends)[edges.of]
     longest = np.take_along_axis(edges.of, length.argmax(axis=1)[:, None], axis=1)[:, 0]
     while True:
@@ -121,15 +123,16 @@ def with_longest_edges(V: Floats, edges: EdgeTable, halves: Bools) -> Bools:
 
 
 def quads(F: Ints, pairs: Ints) -> Ints:
-    """Return the corners a, b, c, d (q, 4) of two faces at each edge: ends a, b, and opposite corners c, d.
-    pairs : (q, 2) half-edges."""
+    """Return the vertices a, b, c, d (q, 4) of the two faces at each of q edges: ends a, b, and opposite corners c, d.
+    pairs : (q, 2) half-edges, the two at each edge."""
     h0, h1 = pairs.T
     corners: Ints = np.stack([h0, next_half_edge(h0), next_half_edge(h0, 2), next_half_edge(h1, 2)], axis=1)
     return np.asarray(F.ravel()[corners])
 
 
 def with_other_diagonals(F: Ints, pairs: Ints, quad: Ints) -> Ints:
-    """Replace the edge a-b of each quad (q, 4) by c-d in faces F (m, 3). The quads share no faces."""
+    """Flip edges: replace the edge a-b of each quad by c-d in faces F (m, 3). Two quads must not share a face.
+    pairs : (q, 2) the half-edges at each edge a-b.    quad : (q, 4) vertices a, b, c, d from `quads`."""
     a, b, c, d = quad.T
     F = F.copy()
     F[pairs[:, 0] // 3] = np.stack([a, d, c], axis=1)
@@ -138,36 +141,38 @@ def with_other_diagonals(F: Ints, pairs: Ints, quad: Ints) -> Ints:
 
 
 def has_new_diagonal(quad: Ints, edges: EdgeTable, n: int) -> Bools:
-    """Mark the quads a, b, c, d (q, 4), on n vertices, whose diagonal c-d is not an edge."""
+    """Return a mask (q,) of quads whose diagonal c-d is not yet an edge of the mesh.
+    quad : (q, 4) vertices a, b, c, d, see `quads`.    n : number of vertices of the mesh."""
     keys, diagonal_keys = edges.ends @ (n, 1), np.sort(quad[:, 2:], axis=1) @ (n, 1)
     positions = np.minimum(np.searchsorted(keys, diagonal_keys), len(keys) - 1)
     return np.asarray((keys[positions] != diagonal_keys) & (quad[:, 2] != quad[:, 3]))
 
 
 def meets_link_condition(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
-    """Mark the edges in `chosen` (c,) that can collapse without a change of the topology [Dey et al. 1999]."""
+    """Return a mask (c,) of edges that can collapse without a change of the topology [Dey et al. 1999].
+    chosen : (c,) numbers of the edges to test.    n : number of vertices."""
     A: csr_array = adjacency(edges, n)
     a, b = edges.ends[chosen].T
     return np.asarray(np.asarray(A[a].multiply(A[b]).sum(axis=1)).ravel() == edges.count[chosen])
 
 
 def contracted_faces(F: Ints, onto: Ints) -> Ints:
-    """Replace each vertex k of faces F (m, 3) by onto[k], (n,). Faces without three different corners are removed."""
+    """Replace each vertex k in faces F (m, 3) by onto[k], and remove faces without three different corners."""
     F = onto[F]
     return np.asarray(F[has_three_corners(F)])
 
 
 def has_three_corners(F: Ints) -> Bools:
-    """Mark the faces (m,) of F (m, 3) with three different corners."""
+    """Return a mask (m,) of the faces F (m, 3) with three different corners."""
     a, b, c = F.T
     return np.asarray((a != b) & (b != c) & (c != a))
 
 
 def leading_candidates(order: Ints, touched: Ints, n: int, edges: Ints | None = None) -> Bools:
-    """Mark the candidates (c,) for a mesh change that are the best at all their vertices.
-    order   : (c,) the candidates, best first.
-    touched : (c, k) vertices 0..n-1 that each candidate changes.
-    edges   : (e, 2) to compare also candidates at neighbouring vertices, or None."""
+    """Return a mask (c,) of candidate mesh changes that can be made together: the best ones at all their vertices.
+    order   : (c,) numbers of the candidates, best first.
+    touched : (c, k) vertices that each candidate changes.    n : number of vertices of the mesh.
+    edges   : (e, 2) edges of the mesh, to compare also candidates at neighbouring vertices, or None."""
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
     least_rank = np.full(n, len(order))
@@ -183,10 +188,10 @@ LEAST_ANGLE_GAIN = 1.0  # A flip must increase the smallest angle of its two fac
 
 
 def with_flipped_edges(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> Surface:
-    """Return the surface with edges flipped where this increases the smallest angle of two faces.
-    may       : (n,) mask of vertices whose faces may change.
-    stays     : (k, 2) ends of the edges that must stay.
-    tolerance : largest distance between an edge and the new edge, metres."""
+    """Return the surface with edges flipped if this increases the smallest angle of their two faces.
+    may       : (n,) mask of vertices; only faces with such a vertex may change.
+    stays     : (k, 2) ends of edges that must not be flipped.
+    tolerance : largest distance between an old edge and the new edge, metres."""
     keys = _keys(surface.n, *stays.T)
     for _ in range(8):
         F = _flip_once(surface, may, keys, tolerance)

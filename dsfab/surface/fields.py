@@ -1,4 +1,4 @@
-"""Fields on a surface: linear hat functions, level lines, fields per face corner and on divided faces."""
+"""Fields on a surface: linear hat functions, level lines, fields at face corners, and fields on divided faces."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,7 +26,7 @@ def hat_gradients(surface: Surface) -> Floats:
 
 
 def tangents(surface: Surface) -> Floats:
-    """Return orthonormal axes (m, 2, 3) in each face's plane: direction t of the first edge, and n x t (normal n)."""
+    """Return two orthonormal axes (m, 2, 3) in each face's plane: t, along the first edge, and n x t, with normal n."""
     edge = surface.V[surface.F[:, 1]] - surface.V[surface.F[:, 0]]
     t1 = edge / np.linalg.norm(edge, axis=1, keepdims=True)
     return np.stack([t1, np.cross(surface.normals, t1)], axis=1)
@@ -34,14 +34,14 @@ def tangents(surface: Surface) -> Floats:
 
 @derived
 def voronoi_mass(surface: Surface) -> Floats:
-    """Return the part of the surface's area that belongs to each vertex (n,), square metres [Meyer et al. 2003]."""
+    """Return the Voronoi area (n,) of each vertex, m2: its part of the surface's area [Meyer et al. 2003]."""
     diagonal: Floats = igl.massmatrix(surface.V, surface.F, igl.MASSMATRIX_TYPE_VORONOI).diagonal()
     diagonal.flags.writeable = False
     return diagonal
 
 
 def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -> csr_array:
-    """Return the sparse matrix (n, n) that sums the blocks (m, 3, 3) of the faces.
+    """Assemble the element matrices `blocks` (m, 3, 3) of all faces into one sparse matrix (n, n).
     diagonal : (n,) numbers to add to the diagonal."""
     rows = np.repeat(surface.F, 3, axis=1).ravel()
     columns = np.tile(surface.F, (1, 3)).ravel()
@@ -59,11 +59,11 @@ Kind = Literal["edge", "centre"]  # An edge of the material, or the middle line 
 @dataclass(frozen=True, eq=False)
 class StructureLine:
     """A line of the structure, as a polyline on the surface.
-    kind   : "edge", an edge of the material, or "centre", the middle line of a member.
-    family : "major", "minor", "keep" (kept regions), "rim", or "boundary" for edges of the uncut surface.
-    number : number of the stripe in its family; 0 without a stripe.
-    part   : 1, 2, ... for lines of the same kind, family and number.
-    points : (k, 3) metres; the last point repeats the first if the line is closed."""
+    kind   : "edge": a border of the material. "centre": the centre line of a member.
+    family : "major", "minor", "keep" (kept regions), "rim", or "boundary" for borders of the uncut surface.
+    number : number of the stripe in its family; 0 if the line belongs to no stripe.
+    part   : 1, 2, ... for lines with equal kind, family and number.
+    points : (k, 3) metres; the last point repeats the first point if the line is closed."""
 
     kind: Kind
     family: str
@@ -77,23 +77,23 @@ class StructureLine:
 
     @cached_property
     def is_closed(self) -> bool:
-        """True if the line ends at its first point."""
+        """True if the line is a closed curve: its last point is its first point."""
         return len(self.points) > 2 and bool((self.points[0] == self.points[-1]).all())
 
     @property
     def layer(self) -> str:
-        """Layer in a drawing program: `edges-major`, `centre-minor`, `boundary` ..."""
+        """Name of the line's layer in drawing programs, such as `edges-major`, `centre-minor` or `boundary`."""
         kind = "edges" if self.kind == "edge" else "centre"
         return "boundary" if self.family == "boundary" else f"{kind}-{self.family}"
 
     @property
     def id(self) -> str:
-        """Name of the line: `centre-major-3.1`."""
+        """Name of the line, such as `centre-major-3.1`."""
         return f"{self.layer}-{self.number}.{self.part}"
 
 
 class Track(NamedTuple):
-    """A level line: points (k, 3) in metres, the index of the level, and the faces (k - 1,)."""
+    """A level line: points (k, 3), metres, the index of its level, and the face (k - 1,) between successive points."""
 
     points: Floats
     level: int
@@ -106,7 +106,7 @@ def polyline_length(points: Floats) -> float:
 
 
 def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | None = None) -> list[Track]:
-    """Return the lines on which the field x (n,) equals one of the levels (l,), ascending.
+    """Return the level lines of a field. x : (n,) values at the vertices.    levels : (l,) values of lines, ascending.
     within : (m,) mask of the faces that may have lines."""
     nodes = _nodes(surface, x, levels)
     if nodes.level.size == 0:
@@ -126,7 +126,8 @@ def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | Non
 
 
 class _Nodes(NamedTuple):
-    """Points where level lines cross edges. The first point on edge e has index offset[e], level number begin[e]."""
+    """Points where level lines cross edges, edge after edge, in the order of the levels.
+    The first point on edge e has the index offset[e] and lies on the level with the index begin[e]."""
 
     offset: Ints
     begin: Ints
@@ -169,8 +170,8 @@ def _side(i: Ints, j: Ints) -> Ints:
 
 
 def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints, Ints]]:
-    """Join links, between a first and a second node, to chains. Return the nodes and the links of each chain.
-    Closed chains come last, and end with their first node."""
+    """Join links to chains. Link k connects first_nodes[k] and second_nodes[k]; a node has at most two links.
+    Return the nodes and links of each chain. Closed chains come last, and end with their first node."""
     node = np.concatenate([first_nodes, second_nodes])
     order = np.argsort(node, kind="stable")
     degree = np.bincount(node, minlength=count)
@@ -199,8 +200,8 @@ def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints
 
 
 def simplified_line(points: Floats, tolerance: float) -> Floats:
-    """Return the polyline (k, d) with fewer points [Douglas, Peucker 1973].
-    Omitted points lie within `tolerance` of the result."""
+    """Return the polyline through `points` (k, d) with fewer points [Douglas, Peucker 1973].
+    The distance of omitted points from the result is at most `tolerance`."""
     keep = np.zeros(len(points), dtype=bool)
     keep[[0, -1]] = True
     spans = [(0, len(points) - 1)]
@@ -225,19 +226,19 @@ def _from_segment(points: Floats, a: Floats, b: Floats) -> Floats:
     along = b - a
     squared = float(along @ along)
     away = points - a
-    if squared:  # np.clip and np.linalg.norm would take most of the time
+    if squared:  # np.clip and np.linalg.norm would be slow
         away -= np.minimum(np.maximum(away @ along / squared, 0.0), 1.0)[:, None] * along
     return np.asarray(np.sqrt((away * away).sum(axis=1)))
 
 
 @dataclass(frozen=True, eq=False)
 class CornerField:
-    """A field along whose levels a surface is cut. At a corner of a face, its value is sign * x + shift.
-    x      : values at the vertices (n, 1), or (n, 2): material where more levels lie below x[:, 0] than below x[:, 1].
-    sign   : (m, 3) 1 or -1 at each corner of a face.
-    shift  : (m, 3) offset at each corner of a face.
+    """A field; a surface is cut along its level lines. The value at a corner of a face is sign * x + shift.
+    x      : values at the vertices, (n, 1) or (n, 2). With two values per vertex, material lies where more levels are
+             below x[:, 0] than below x[:, 1].
+    sign   : (m, 3) 1 or -1 at each corner of a face.    shift : (m, 3) offset at each corner of a face.
     blank  : (m,) mask of the faces without a field.
-    wanted : (m,) fraction of each face on which the field applies, 0 to 1; None for 1 everywhere."""
+    wanted : (m,) fraction of each face's area to which the field applies, 0 to 1; None for 1 everywhere."""
 
     x: Floats
     sign: Floats
@@ -255,7 +256,7 @@ class CornerField:
 
     @cached_property
     def changed_faces(self) -> Bools:
-        """Mask (m,) of the faces where `sign` is -1 or `shift` is not 0 at a corner."""
+        """Mask (m,) of the faces that have a corner with `sign` -1 or with a `shift` other than 0."""
         return np.asarray(((self.sign < 0) | (self.shift != 0)).any(axis=1))
 
     def corners(self, F: Ints) -> Floats:
@@ -266,10 +267,10 @@ class CornerField:
 
 @dataclass(frozen=True, eq=False)
 class DividedSurface:
-    """A surface (n vertices, m faces) and the same surface with divided faces (n' vertices, m' triangles).
-    surface : the divided surface; the first vertices are those of `whole`.
-    parent  : (m',) face of `whole` that contains each triangle.
-    weights : (n', n) weights that give each vertex as a mean of vertices of `whole`."""
+    """A surface `whole` (n vertices, m faces) and the same surface with divided faces (n' vertices, m' triangles).
+    surface : the divided surface; the first n vertices are those of `whole`.
+    parent  : (m',) number of the face of `whole` that contains each triangle.
+    weights : (n', n) matrix that gives each vertex as a weighted mean of the vertices of `whole`."""
 
     whole: Surface
     surface: Surface
@@ -281,12 +282,12 @@ class DividedSurface:
 
     @classmethod
     def undivided(cls, surface: Surface) -> Self:
-        """Return a surface as a `DividedSurface` without any division."""
+        """Return a `DividedSurface` in which no face of the surface is divided."""
         return cls(surface, surface, np.arange(surface.m), csr_array(eye_array(surface.n)))
 
     def with_halved_edges(self, edges: Bools, positions: Floats | None = None) -> "DividedSurface":
-        """Return the surface divided on marked edges (e',) and on the longest edges of the faces beside them.
-        positions : (e',) places of the new vertices along the edges, 0 to 1."""
+        """Divide the edges in the mask `edges` (e',), and the longest edge of each face that has such an edge.
+        positions : (e',) positions of the new vertices on the edges, 0 to 1; None for the midpoints."""
         surface = self.surface
         edges = with_longest_edges(surface.V, surface.edges, edges)
         V, F, source = halved_edges(surface.V, surface.F, surface.edges, edges)
@@ -297,17 +298,17 @@ class DividedSurface:
         return DividedSurface(self.whole, Surface(V, F), self.parent[source], weights)
 
     def cut_parts(self) -> Ints:
-        """Return the indices (k,) of the triangles that are parts of divided faces."""
+        """Return the numbers (k,) of the triangles that are parts of divided faces."""
         return np.flatnonzero(self.surface.F.max(axis=1) >= self.whole.n)
 
     def corners(self, parts: Ints) -> Floats:
-        """Return barycentric coordinates (k, 3, 3) of the corners of triangles (k,) in the undivided faces."""
+        """Return barycentric coordinates (k, 3, 3), in undivided faces, of the corners of triangles `parts` (k,)."""
         rows, columns = self.surface.F[parts][:, :, None], self.whole.F[self.parent[parts]][:, None, :]
         i, j = (np.broadcast_to(index, (len(parts), 3, 3)).ravel() for index in (rows, columns))
         return np.asarray(self.weights[i, j]).reshape(-1, 3, 3)
 
     def origins_on_parts(self, origins: Origins) -> Origins:
-        """Return the origins of distances on the divided surface."""
+        """Return the vertices, edges and faces to measure distances from (`origins`) on the divided surface."""
         if self.surface is self.whole:
             return origins
         n, whole_edges, part_edges = self.whole.n, self.whole.edges, self.surface.edges
@@ -335,7 +336,7 @@ def _interpolation(ends: Ints, positions: Floats, n: int) -> csr_array:
 
 @dataclass(frozen=True, eq=False)
 class DividedField:
-    """A field on a divided surface: values x (n',), or (n', 2), at the vertices."""
+    """A field on a divided surface. x : values at its vertices, (n',) or (n', 2)."""
 
     divided: DividedSurface
     x: Floats
@@ -350,11 +351,11 @@ class DividedField:
 
     @property
     def columns(self) -> "tuple[DividedField, ...]":
-        """A field with one value per vertex for each column of the values."""
+        """Fields with a single value per vertex, a field for each column of x."""
         return (self,) if self.x.ndim == 1 else tuple(DividedField(self.divided, x) for x in self.x.T)
 
     def at_points(self, points: Floats) -> Floats:
-        """Return the values (m, p) at barycentric coordinates (p, 3) in each face, for a field with one column."""
+        """Return the values (m, p) at barycentric coordinates (p, 3) in each face, for a field with a single column."""
         surface, parts = self.divided.whole, self.divided.cut_parts()
         values, inside = self.x[surface.F] @ points.T, np.full((surface.m, len(points)), -np.inf)
         part_coordinates = points @ np.linalg.inv(self.divided.corners(parts))  # barycentric, (k, p, 3)

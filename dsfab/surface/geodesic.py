@@ -1,6 +1,7 @@
 """Exact geodesic distances along a triangle mesh [Mitchell, Mount and Papadimitriou 1987].
 
-A source sees an edge through a strip of faces, unfolded into a plane. A window is the visible part of the edge."""
+The faces between a source and an edge are laid flat in a plane. A window is the part of the edge that straight paths
+from the source reach."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,7 +31,8 @@ class Windows:
     def from_columns(
         cls, names: Sequence[Ints | Bools], A: Floats, B: Floats, start: Floats, end: Floats, offset: Floats
     ) -> "Windows":
-        """Return windows from columns (k,). names : edge, face, a, b, parallel.    A, B : (k, 2) ends of the edges."""
+        """Return windows from arrays (k,) of their properties. names : edge, face, a, b, parallel.
+        A, B : (k, 2) ends of the edges in the plane."""
         return cls(np.stack(names, axis=1), np.stack([*A.T, *B.T, start, end, offset], axis=1))
 
     @property
@@ -40,7 +42,7 @@ class Windows:
 
     @property
     def face(self) -> Ints:
-        """Number (k,) of the face that paths to each window cross last; -1 without a face."""
+        """Number (k,) of the face that paths to each window cross last; -1 for paths across no face."""
         return self.names[:, 1]
 
     @property
@@ -55,12 +57,12 @@ class Windows:
 
     @property
     def parallel(self) -> Bools:
-        """True (k,) for parallel rays from the line y = 0; False for rays from the point (0, 0)."""
+        """True (k,) if the source is the line y = 0, with parallel rays; False if the source is the point (0, 0)."""
         return np.asarray(self.names[:, 4] > 0)
 
     @property
     def at_a(self) -> Floats:
-        """Positions A (k, 2) of the edges' first vertices in the plane. Sources lie to the right of the line A to B."""
+        """Positions A (k, 2) of the edges' first vertices in the plane. Sources lie right of the line from A to B."""
         return self.values[:, 0:2]
 
     @property
@@ -80,7 +82,7 @@ class Windows:
 
     @property
     def offset(self) -> Floats:
-        """Length (k,), metres, of the path from the origin to the source."""
+        """Length (k,), metres, of the path from the origin of the distances to each window's source."""
         return self.values[:, 6]
 
     def select(self, which: Ints | Bools) -> "Windows":
@@ -93,15 +95,15 @@ class Windows:
         return cls(np.concatenate([part.names for part in parts]), np.concatenate([part.values for part in parts]))
 
     def place(self, t: Floats) -> Floats:
-        """Return the points (k, 2) in the plane at fractions t (k,) of the edges."""
+        """Return the points (k, 2) in the plane at fractions t (k,) along the edges."""
         return np.asarray(self.at_a + t[:, None] * (self.at_b - self.at_a))
 
     def distance(self, P: Floats) -> Floats:
-        """Return the lengths (k,) of paths through the windows to points P (k, 2)."""
+        """Return the lengths (k,), metres, of paths from the origin through the windows to points P (k, 2)."""
         return np.asarray(self.offset + np.where(self.parallel, P[:, 1], np.hypot(P[:, 0], P[:, 1])))
 
     def nearest(self) -> Floats:
-        """Return the smallest distance (k,) of each window from the origin."""
+        """Return the length (k,), metres, of the shortest path from the origin to each window."""
         P, Q = self.place(self.start), self.place(self.end)
         along = Q - P
         foot = np.clip(-dot2(P, along) / np.maximum(dot2(along, along), np.finfo(float).tiny), 0, 1)
@@ -113,8 +115,8 @@ class Windows:
         return np.where(self.parallel[:, None], (0.0, 1.0), P)
 
     def left_offset(self, t: Floats, C: Floats) -> Floats:
-        """Return scaled distances (..., k) of points C (..., k, 2) to the left of rays.
-        t : (k,) fractions of edges at which the rays cross."""
+        """Return the distance (..., k) of points C (..., k, 2) to the left of rays, multiplied by the rays' lengths.
+        t : (k,) fractions along the edges, where the rays cross the edges."""
         P = self.place(t)
         ray = self.rays(P)
         offsets = cross2(ray, C - P)
@@ -122,7 +124,7 @@ class Windows:
 
 
 def zero_share(start: Floats, end: Floats) -> Floats:
-    """Return the zero (k,) of a linear function that has the values `start` (k,) at 0 and `end` (k,) at 1."""
+    """Return the zeros (k,) of linear functions with the values `start` (k,) at 0 and `end` (k,) at 1."""
     span = start - end
     return np.divide(start, span, out=np.zeros_like(start), where=span != 0)
 
@@ -143,7 +145,7 @@ def dot2(a: Floats, b: Floats) -> Floats:
 
 
 class Origins(NamedTuple):
-    """Origins of distances: masks of vertices (n,), edges (e,) and faces (m,).
+    """Places from which distances are measured: masks of vertices (n,), edges (e,) and faces (m,).
     The masks must also contain the edges of marked faces, and the ends of marked edges."""
 
     vertices: Bools
@@ -153,7 +155,7 @@ class Origins(NamedTuple):
 
 class Distances(NamedTuple):
     """Distances along a surface, metres, to vertices (n,) and to the middles of edges (e,).
-    reached : (m,) faces where distances are exact; elsewhere, upper bounds or infinite."""
+    reached : (m,) mask of faces where distances are exact. Elsewhere, distances are upper bounds or infinite."""
 
     vertex: Floats
     middle: Floats
@@ -162,7 +164,7 @@ class Distances(NamedTuple):
 
 def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf) -> Distances:
     """Return the lengths of the shortest paths along a surface to the nearest origin; infinite without a path.
-    reach : largest distance, metres."""
+    reach : largest distance to calculate, metres."""
     front = _Front(surface, origins, reach)
     waiting = front.advance([front.edge_windows(), front.vertex_windows(_Bends.from_origins(origins))], reach)
     reached = front.reached.copy()
@@ -172,7 +174,7 @@ def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf
 
 
 class _Bends(NamedTuple):
-    """Vertices (k,) where shortest paths bend."""
+    """Vertices (k,) where shortest paths bend. offset : (k,) distance of each vertex from the origin, metres."""
 
     vertex: Ints
     offset: Floats

@@ -35,7 +35,7 @@ def signed_volume(V: Floats, F: Ints) -> float:
 
 
 def signed_volumes(V: Floats, F: Ints, shell: Ints, count: int) -> Floats:
-    """Return the volume (count,) of each closed shell, negative for inward normals. shell : (m,) shell of each face."""
+    """Return each closed shell's volume (count,), negative for inward normals. shell : (m,) shell of each face."""
     return np.bincount(shell, _tetrahedron_volumes(V, F), count).astype(np.float64)
 
 
@@ -52,8 +52,8 @@ def _tetrahedron_volumes(V: Floats, F: Ints) -> Floats:
 
 
 def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
-    """Yield for each block of k faces: its slice; the first corners (3, k), relative to the middle of the bounding box;
-    twice the area vectors (3, k)."""
+    """Yield blocks of k faces: slice of F, first corner (3, k) of each face, and twice the area vectors (3, k).
+    The corners are relative to the middle of the bounding box."""
     if not len(F):
         return
     columns = np.ascontiguousarray((V - bounding_box(V, F).mean(axis=0)).T)
@@ -65,7 +65,8 @@ def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
 
 
 class NearestPlaces(NamedTuple):
-    """Places (k, 3) on a mesh nearest to points, squared distances (k,), and the triangle, edge or vertex there."""
+    """For k given points: the nearest points `place` (k, 3) of a mesh, and the squared distances (k,).
+    simplex : (k,) index of the triangle, edge or vertex at each nearest point."""
 
     squared: Floats
     simplex: Ints
@@ -73,12 +74,12 @@ class NearestPlaces(NamedTuple):
 
     @property
     def distance(self) -> Floats:
-        """Distances (k,) from the points to their nearest places, in the mesh's unit."""
+        """Distances (k,) from the given points to the mesh, in the mesh's unit."""
         return np.sqrt(self.squared)
 
 
 def nearest_places(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
-    """Return the places on a mesh that are nearest to points (k, 3). V : (n, 3) vertices of the mesh.
+    """Return the nearest points of a mesh to `points` (k, 3). V : (n, 3) vertices of the mesh.
     simplices : triangles (m, 3), edges (m, 2) or vertices (m, 1), at least one.
     Method: a tree of boxes [Jacobson et al. 2018, libigl]."""
     if not len(points):
@@ -89,7 +90,7 @@ def nearest_places(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
 
 
 def weights_at(places: Floats, V: Floats, corners: Ints) -> Floats:
-    """Return the barycentric weights (k, 3) of places (k, 3) in triangles with corners (k, 3) of V (n, 3)."""
+    """Return the barycentric weights (k, 3) of points `places` (k, 3) in triangles. corners : (k, 3) indices in V."""
     return np.asarray(igl.barycentric_coordinates(places, *(np.ascontiguousarray(V[corners[:, i]]) for i in range(3))))
 
 
@@ -100,7 +101,7 @@ ZERO_AREA = 1e-20  # Largest area of a collapsed face, divided by the surface's 
 class Surface:
     """A triangle mesh in space: a sheet without thickness.
     V : (n, 3) vertex positions, metres.
-    F : (m, 3) vertex indices of each face, counter-clockwise seen from the side its normal points to.
+    F : (m, 3) vertex indices of each face, counter-clockwise around the face's normal.
     Raises SurfaceError for invalid coordinates or indices, impossible sizes, and faces without area.
     `dsfab.surface.topology.manifold_faults` reports other faults."""
 
@@ -119,7 +120,8 @@ class Surface:
         if not np.isfinite(self.V).all():
             bad = np.flatnonzero(~np.isfinite(self.V).all(axis=1))
             raise SurfaceError(
-                f"{len(bad)} of {self.n} vertices are not finite numbers (first: {first_few(bad)}); repair the mesh"
+                f"the coordinates of {len(bad)} of {self.n} vertices are not finite numbers (first: "
+                f"{first_few(bad)}); repair the mesh"
             )
         smallest, largest = POSSIBLE_SIZE
         reach = float(np.abs(self.V).max(initial=0.0))
@@ -134,8 +136,8 @@ class Surface:
         if self.F.min() < 0 or self.F.max() >= self.n:
             bad = np.flatnonzero((self.F.min(axis=1) < 0) | (self.F.max(axis=1) >= self.n))
             raise SurfaceError(
-                f"{count_phrase(len(bad), 'face', 'name')} vertices outside 0..{self.n - 1} "
-                f"(first faces: {first_few(bad)}); repair the mesh"
+                f"{count_phrase(len(bad), 'face', 'name')} vertex numbers outside 0..{self.n - 1} (first faces: "
+                f"{first_few(bad)}); repair the mesh"
             )
         bad = np.flatnonzero(self.areas <= ZERO_AREA * self.size**2)
         if len(bad):
@@ -188,7 +190,7 @@ class Surface:
 
     @cached_property
     def size(self) -> float:
-        """Diagonal of the bounding box, metres; tolerances are shares of this length."""
+        """Diagonal of the bounding box, metres; tolerances are fractions of this length."""
         return float(np.linalg.norm([np.ptp(column) for column in self.V.T]))
 
     @cached_property
@@ -229,12 +231,12 @@ class Surface:
 
     @cached_property
     def pieces(self) -> tuple[int, Ints]:
-        """Number of pieces, each connected across edges, and the piece (m,) of each face."""
+        """Number of pieces of the surface that are connected across edges, and the piece number (m,) of each face."""
         return pieces(self.F, self.edges)
 
     @cached_property
     def vertex_pieces(self) -> Ints:
-        """Piece (n,) of one of the faces at each vertex; -1 for a vertex without faces."""
+        """Piece number (n,) of a face at each vertex; -1 for a vertex without faces."""
         piece = np.full(self.n, -1, dtype=np.int64)
         piece[self.F] = self.pieces[1][:, None]
         return piece
@@ -292,5 +294,5 @@ class Surface:
         return edge_lengths(self.V, self.edges.ends)
 
     def faces_of(self, vertices: Bools) -> Bools:
-        """Mark the faces (m,) whose three corners are all in a mask of vertices (n,)."""
+        """Return a mask (m,) of the faces whose three corners are all in a mask of vertices (n,)."""
         return np.asarray(vertices[self.F].all(axis=1))

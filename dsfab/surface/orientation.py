@@ -21,7 +21,7 @@ _TURNS: dict[Up, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
     "x": ((1, 2, 0), (1, 1, 1)),
     "-x": ((2, 1, 0), (1, 1, -1)),
 }
-"""For each up axis: the file's axes that become x, y, z, and their signs. All are rotations, not mirrors."""
+"""For each axis that may point up: the file's axes that become x, y and z, and their signs. All maps are rotations."""
 
 
 def upright_vertices(V: Floats, up: Up) -> Floats:
@@ -31,7 +31,8 @@ def upright_vertices(V: Floats, up: Up) -> Floats:
 
 
 def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
-    """Return 1 or -1 (m, 3) for each face corner: -1 if the face is flipped relative to the vertex's first face."""
+    """Return 1 or -1 (m, 3) for each corner of a face.
+    A corner has -1 if its face is flipped relative to the first face at the same vertex."""
     if not len(misoriented_edges(F, edges)):
         return np.ones_like(F)
     h0, h1 = edges.pairs.T
@@ -49,7 +50,7 @@ def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
 
 
 def one_sided_pieces(F: Ints, edges: EdgeTable) -> Bools:
-    """Mark the faces (m,) of pieces with one side only, for example of a Moebius strip."""
+    """Return a mask (m,) of the faces of one-sided pieces of a mesh, for example of a Moebius strip."""
     m = len(F)
     if not len(misoriented_edges(F, edges)):
         return np.zeros(m, dtype=bool)
@@ -60,8 +61,8 @@ def one_sided_pieces(F: Ints, edges: EdgeTable) -> Bools:
 
 
 def flips_along_tree(F: Ints, edges: EdgeTable) -> Bools:
-    """Mark the faces (m,) to flip so that neighbours have the same orientation.
-    In a Moebius strip, neighbours still differ along a seam."""
+    """Return a mask (m,) of the faces to flip so that neighbouring faces have the same orientation.
+    In a Moebius strip, neighbouring faces still differ along a seam."""
     f, g, clash = _neighbours(F, edges)
     m = len(F)
     steps = coo_array((np.concatenate([clash, clash]) + 1, (np.r_[f, g], np.r_[g, f])), shape=(m, m)).tocsr()
@@ -76,12 +77,12 @@ def flips_along_tree(F: Ints, edges: EdgeTable) -> Bools:
 
 
 def require_two_sides(surface: Surface, faces: Bools, what: str) -> None:
-    """Raise SurfaceError if any of `faces` (m,) has one side only. what : for the message."""
+    """Raise SurfaceError if marked faces (m,) belong to a one-sided piece. what : first words of the message."""
     wrong = int((one_sided_pieces(surface.F, surface.edges) & faces).sum())
     if wrong:
         raise SurfaceError(
-            f"{what} needs faces with an outside, but {wrong} of these faces have one side only, as in a Moebius "
-            "strip; use forces with a direction, or pick other faces"
+            f"{what} needs faces with an outside, but {wrong} of these faces are on a one-sided surface, such as a "
+            f"Moebius strip; use forces with a direction, or pick other faces"
         )
 
 

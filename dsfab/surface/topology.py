@@ -49,7 +49,7 @@ class EdgeTable:
 
     @cached_property
     def twins(self) -> Ints:
-        """Opposite half-edge (3 m,) of each half-edge; -1 without exactly two faces."""
+        """Opposite half-edge (3 m,) of each half-edge; -1 on edges without exactly two faces."""
         twin = np.full(self.of.size, -1)
         first_half, second_half = self.pairs.T
         twin[first_half], twin[second_half] = second_half, first_half
@@ -105,7 +105,7 @@ def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
 def link_components(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
     """Return the number of components of a graph, and the component (count,) of each node [Shiloach and Vishkin 1982].
     count : number of nodes.    i, j : (k,) the nodes of each link.
-    Components are numbered in the order of first nodes."""
+    Components are numbered in the order of their first nodes."""
     things = np.arange(count)
     root = things
     while len(i):
@@ -159,8 +159,7 @@ def _turned_links(start: Ints, end: Ints) -> Bools:
 
 
 def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
-    """Return the vertices (k,) at which parts of the mesh F (m, 3) touch only in this point.
-    n : number of vertices."""
+    """Return the vertices (k,) of the mesh F (m, 3) at which parts touch only in a point.    n : number of vertices."""
     if _walks_meet_all_corners(F, edges, n):
         return np.empty(0, dtype=np.int64)
     count, fan = _fans(F, edges)
@@ -170,8 +169,8 @@ def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
 
 
 def corner_fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> Ints:
-    """Return the faces (m, 3) with a new vertex for each fan (faces at a vertex, joined by edges).
-    also  : (k, 2) pairs of half-edges that stay joined.
+    """Return the faces (m, 3) with separate vertices for each fan: faces at a vertex that are joined by edges.
+    also  : (k, 2) further pairs of half-edges that join faces.
     apart : (e,) marks of further edges that separate faces."""
     return _fans(F, edges, also, apart)[1].reshape(-1, 3)
 
@@ -189,7 +188,7 @@ def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | No
 
 
 def _walks_meet_all_corners(F: Ints, edges: EdgeTable, n: int) -> bool:
-    """Return True if each vertex surely has a single fan of faces."""
+    """Return True if the faces at each vertex are certainly connected by edges."""
     if len(misoriented_edges(F, edges)) or (edges.count > 2).any():
         return False
     start = np.full(n, -1)
@@ -245,7 +244,7 @@ def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
 
 
 def crowded_edge_fault(edges: EdgeTable) -> str:
-    """Return words on edges with more than two faces; "" without any."""
+    """Return a message on edges with more than two faces; "" without a fault."""
     crowded = np.flatnonzero(edges.count > 2)
     if not len(crowded):
         return ""
@@ -253,7 +252,7 @@ def crowded_edge_fault(edges: EdgeTable) -> str:
 
 
 def repeated_face_fault(F: Ints) -> str:
-    """Return words on repeated faces of F (m, 3); "" without any."""
+    """Return a message on repeated faces of F (m, 3); "" without a fault."""
     twice = duplicate_faces(F)
     if not len(twice):
         return ""
@@ -261,7 +260,7 @@ def repeated_face_fault(F: Ints) -> str:
 
 
 def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
-    """Return reasons why faces F (m, 3) are not an oriented manifold; empty without a reason."""
+    """Return messages on why faces F (m, 3) are not an oriented manifold; empty without a fault."""
     opposed = misoriented_edges(F, edges)
     touching = pinches(F, edges, n)
     faults = [crowded_edge_fault(edges), repeated_face_fault(F)]
@@ -276,7 +275,7 @@ def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
 
 
 def named_edges(indices: Ints, edges: EdgeTable, count: int = 3) -> str:
-    """Return the first `count` of some edges (k,) as pairs of vertices: "3-17, 4-20, ..."."""
+    """Return a text with the first `count` edges, as pairs of vertices: "3-17, 4-20, ..."."""
     shown = ", ".join(f"{a}-{b}" for a, b in edges.ends[indices[:count]].tolist())
     return shown + (", ..." if len(indices) > count else "")
 
@@ -308,8 +307,8 @@ def faces_at(F: Ints, marks: Bools) -> Bools:
 
 
 def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
-    """Return a mask (e, ...) of the edges whose two ends are marked (n, ...). Some inner edges between boundary
-    vertices are left out."""
+    """Return a mask (e, ...) of the edges between marked vertices (n, ...). Inner edges between boundary vertices
+    count only at a face with three marked corners."""
     is_spanned = marks[edges.ends].all(axis=1)
     chord = on_boundary(edges, len(marks))[edges.ends].all(axis=1) & ~edges.boundary
     beside_marked_face = np.zeros_like(is_spanned)
@@ -320,7 +319,7 @@ def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
 
 
 def smoothing_neighbours(edges: EdgeTable, n: int) -> tuple[Ints, Ints]:
-    """Return pairs, vertex (p,) and neighbour (p,), for smoothing."""
+    """Return pairs for smoothing: vertex (p,), neighbour (p,). Boundary vertices have only boundary neighbours."""
     i, j = _directed_edges(edges)
     used = np.concatenate([edges.boundary, edges.boundary]) | ~on_boundary(edges, n)[i]
     return i[used], j[used]

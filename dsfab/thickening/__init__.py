@@ -1,4 +1,4 @@
-"""From a sheet to a solid: `offsets` of the uncut surface, then `thicken` for the cut sheet."""
+"""Thickening of a cut sheet: `offsets` computes offset vectors of the uncut surface, `thicken` makes the solid."""
 
 from dsfab.thickening.extras import Extra, with_extras
 from dsfab.thickening.extras.bodies import Base

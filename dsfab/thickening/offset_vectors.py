@@ -20,12 +20,13 @@ def check_edges(surface: Surface) -> None:
     if len(crowded):
         raise SolidError(
             f"the sheet has more than two faces at {count_phrase(len(crowded), 'edge')} (first, by vertices: "
-            f"{_edge_names(edges.ends[crowded])}); separate the sheets that meet there"
+            f"{_edge_names(edges.ends[crowded])}); separate the sheets that meet at these edges"
         )
 
 
 def check_oriented(surface: Surface) -> None:
-    """Raise SolidError if edges have over two faces, or normals of a two-sided piece point to opposite sides."""
+    """Raise SolidError for edges of over two faces, and for neighbouring faces of opposite orientations.
+    One-sided pieces, such as a Moebius strip, may have opposite orientations."""
     check_edges(surface)
     edges = surface.edges
     against = misoriented_edges(surface.F, edges)
@@ -52,11 +53,11 @@ def _edge_names(ends: Ints, count: int = 5) -> str:
 
 
 VISIBILITY_GAP = 0.001  # Relative tolerance of the search in `visible_normals`.
-CHUNK = 1 << 13  # Number of faces processed together, because they fit the processor's cache.
+CHUNK = 1 << 13  # Number of faces in a batch that fits the processor's cache.
 
 
 def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
-    """Return unit normals (n, 3) at the vertices, as close as possible to all face normals there.
+    """Return a unit normal (n, 3) at each vertex, with the smallest possible angle to the farthest face normal there.
     faces   : (m, 3, 3) face normals at corners, turned to the side of the vertex normal.
     weights : (m, 3) angles of the faces at corners.
     Source: [Gilbert 1966]. If no normal is within 90 degrees of all face normals, the mean is returned."""
@@ -168,14 +169,14 @@ class Offsets:
         lock(self, "sides", np.int64, (None, 3))
 
     def at_corners(self, F: Ints) -> Floats:
-        """Return half-thickness vectors (m, 3, 3) at the corners of faces F (m, 3), on the normals' side."""
+        """Return half-thickness vectors (m, 3, 3) at the corners of faces F (m, 3), on the side of the face normals."""
         seen: Floats = self.D[F] * self.sides[:, :, None]
         return seen
 
 
 def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> Offsets:
     """Return offset vectors for a sheet around a surface, shorter where the thickened faces would fold over.
-    thickness : metres, a number or (n,) at the vertices, for the whole sheet.
+    thickness : thickness of the whole sheet, metres: a number, or (n,) at the vertices.
     side      : "mid": the surface is in the middle; "out": the sheet is on the side of the normals; "in": on the back.
     Raises SolidError for a thickness that is not positive, for surfaces that are not manifolds or wrongly oriented, and
     for "out" and "in" on a one-sided surface."""
@@ -211,7 +212,7 @@ def safe_shares(
     """Return factors (n,), at most 1, that shorten half-thickness vectors D (n, 3) until no face folds over.
     sides    : (m, 3) as in `Offsets`.
     shift    : 0 if the surface is the middle of the sheet, 1 if the sheet is on the side of the normals, -1 if behind.
-    shrink   : factor of each round.    smallest : least factor of a vector."""
+    shrink   : factor by which each round shortens a vector.    smallest : smallest result."""
     share = np.ones(surface.n)
     faces = np.arange(surface.m)
     while len(faces):
@@ -231,8 +232,8 @@ def safe_shares(
 
 
 def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """Return Jacobian coefficients (m, 3, 3) of thickened faces and the least wanted coefficients (m, 3).
-    If all coefficients of a face are positive, the thickened face does not fold over.
+    """Return the coefficients (m, 3, 3) of the Jacobian of thickened faces, and their least safe values (m, 3).
+    A thickened face does not fold over if all its coefficients are positive.
     P, d : (m, 3, 3) corners of the faces, and half-thickness vectors there, on the side of the faces' normals."""
     e1, e2 = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
     d1, d2 = d[:, 1] - d[:, 0], d[:, 2] - d[:, 0]

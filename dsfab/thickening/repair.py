@@ -16,14 +16,15 @@ from dsfab.thickening.union import THIN, THINNEST, PrismUnion, prism_union
 
 @dataclass(frozen=True, eq=False)
 class UnfoldedSheet:
-    """A sheet after smoothing of its small folds: vertices V (n, 3), metres, and pairs (k, 2) of faces that cross."""
+    """A sheet after its small folds were smoothed.
+    V : (n, 3) vertices, metres.    crossing : (k, 2) pairs of faces that still cross."""
 
     V: Floats
     crossing: Ints
 
 
 def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
-    """Smooth small folds of a sheet, groups of faces that cross each other.
+    """Return the sheet with small folds smoothed. A fold is a group of faces that cross each other.
     D : (n, 3) half-thickness vectors, metres."""
     all_crossings = crossing = intersecting_pairs(surface.V, surface.F)
     V, averages, half = surface.V, _averages(surface), float(np.median(np.linalg.norm(D, axis=1)))
@@ -47,9 +48,9 @@ def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
 def flatten_contacts(
     surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: Ints
 ) -> tuple[Floats, Floats, Ints]:
-    """Remove intersections of a skin by thinning the sheet. D : (n, 3) half-thickness vectors, metres.
-    pairs, backslash : pairs (k, 2) of skin faces that intersect; wall diagonals as in `Skin`.
-    Returns vertices (n, 3) of the sheet, offsets (n, 3), metres, and the pairs (q, 2) that still intersect."""
+    """Thin a sheet where its skin (closed mesh around it) intersects itself. D : (n, 3) half-thickness vectors, metres.
+    pairs, backslash : pairs (k, 2) of skin faces that intersect; mask of the walls' diagonals (see `Skin`).
+    Returns the sheet's vertices (n, 3), its vectors D (n, 3), metres, and the pairs (q, 2) that still intersect."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
     least = 0.002 * np.linalg.norm(D, axis=1)  # shortest offset; at 0.001, rounding errors would be visible
     result = V, D, pairs
@@ -80,7 +81,8 @@ def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
 
 
 def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
-    """Return each vertex's group (n,) of crossing faces, or -1, and the box diagonal (g,) of each group."""
+    """Return the number (n,) of each vertex's group of crossing faces, or -1 without a group.
+    Return also the diagonal (g,) of each group's bounding box."""
     corner = F[pairs].reshape(-1, 6)
     i, j = np.repeat(corner[:, :1], 5, axis=1).ravel(), corner[:, 1:].ravel()
     label, used = link_components(len(V), i, j)[1], distinct(corner)
@@ -102,7 +104,7 @@ def _averages(surface: Surface) -> csr_array:
 class RepairedSkin:
     """A repaired skin (closed mesh around a sheet).
     V, D      : (n, 3) vertices of the sheet and half-thickness vectors, metres.
-    backslash : (r,) wall diagonals as in `Skin`.
+    backslash : (r,) mask of the walls' diagonals (see `Skin`).
     pairs     : (k, 2) pairs of faces of the skin, or of `union`, that still intersect.
     found     : number of pairs that intersected before the repair.
     crosses   : number of pairs of faces in which the sheet crosses itself.
@@ -152,7 +154,7 @@ def _flip_diagonals(
         return backslash, pairs
     P = skin.vertices(V, D)
     for round_ in range(3):
-        walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # neighbours interact, so later rounds skip walls
+        walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # neighbours interact: rounds 2 and 3 skip walls
         if not len(walls):
             break
         trial = _toggle(backslash, walls)

@@ -1,4 +1,4 @@
-"""Exact test for triangles of a mesh that meet outside their shared vertices and edges [Shewchuk 1997]."""
+"""Exact test for triangles of a mesh that intersect outside their shared vertices and edges [Shewchuk 1997]."""
 
 import igl.predicates
 import numpy as np
@@ -9,10 +9,9 @@ from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 
 def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
     """Return the pairs of faces (k, 2), in ascending order, that meet outside shared corners and edges.
-    V     : (n, 3) vertices in any unit.
-    F     : (m, 3) faces of an oriented manifold.
-    among : (m,) marks of the faces to test; the other faces must meet no face.
-    Faces that touch count as meeting."""
+    V : (n, 3) vertices in any unit.    F : (m, 3) faces of an oriented manifold.
+    among : (m,) mask of the faces to test. Unmarked faces must be known to meet no face.
+    Faces that only touch are also returned."""
     if among is not None and not among.all():
         which = np.flatnonzero(among)
         used, corner = np.unique(F[which], return_inverse=True)
@@ -28,9 +27,9 @@ def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
 
 
 def pairs_after_moves(V: Floats, F: Ints, before: Ints, moved: Bools) -> Ints:
-    """Return pairs (q, 2) of intersecting faces after a move of some vertices.
-    V      : (n, 3) vertices after the move.    moved : (n,) marks of the moved vertices.
-    before : (k, 2) pairs before the move."""
+    """Return the pairs (q, 2) of intersecting faces after a move of some vertices.
+    V      : (n, 3) vertices after the move.    moved : (n,) mask of the moved vertices.
+    before : (k, 2) pairs of intersecting faces before the move."""
     changed = np.asarray(moved[F].any(axis=1))
     if not changed.any():
         return before
@@ -51,7 +50,7 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
     corner = sorted_order(s)
     around = s[corner]
     position, hits = np.arange(len(corner)), []
-    for distance in range(1, len(corner)):  # the loop stops at the largest number of faces at a vertex
+    for distance in range(1, len(corner)):  # stops after as many rounds as a vertex has faces
         position = position[position + distance < len(corner)]
         position = position[around[position] == around[position + distance]]
         if not len(position):
@@ -76,7 +75,8 @@ def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j:
 
 
 def _corners_meet(V: Floats, s: Ints, first_edge: tuple[Ints, Ints], second_edge: tuple[Ints, Ints]) -> Bools:
-    """Return a mask (k,) of pairs of triangles that meet outside their common vertex s."""
+    """Return a mask (k,) of pairs of triangles that meet outside their common vertex s (k,).
+    first_edge, second_edge : the two remaining vertices of each triangle."""
     S, A, B, C, D = V[s], V[first_edge[0]], V[first_edge[1]], V[second_edge[0]], V[second_edge[1]]
     a, b, c, d = _side(S, C, D, A), _side(S, C, D, B), _side(S, A, B, C), _side(S, A, B, D)
     meet: Bools = (a * b <= 0) & (c * d <= 0)
@@ -133,7 +133,7 @@ def _side(a: Floats, b: Floats, c: Floats, d: Floats) -> Ints:
 
 
 def _turn(axis: Ints, a: Floats, b: Floats, c: Floats) -> Ints:
-    """Return the exact sign (k,) of the area of triangles, projected along axes (k,)."""
+    """Return the exact sign (k,) of the area of triangles a, b, c (k, 3), projected along the axes numbered `axis`."""
     keep = 1.0 - np.eye(3)[axis]
     return _side(a * keep, b * keep, c * keep, np.eye(3)[axis])
 

@@ -25,14 +25,14 @@ def is_fine(V: Floats, D: Floats) -> bool:
 
 
 def rounding_step(V: Floats, D: Floats) -> float:
-    """Return an upper bound of the rounding error (m) of points V + 2 D (n, 3)."""
+    """Return an upper bound (m) of the error when points V + 2 D (n, 3) are rounded to single precision."""
     largest = (np.abs(V).max() + 2 * np.abs(D).max()) * MM_PER_M
     return float(np.spacing(np.float32(largest)) / MM_PER_M)
 
 
 def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
-    """Collapse short edges and merge coplanar faces of a closed mesh V (n, 3), F (m, 3).
-    tolerance : largest move of each collapse; all together may move points up to 3 times as far. Raises SolidError."""
+    """Collapse short edges and merge coplanar faces of a closed mesh V (n, 3), F (m, 3). Raises SolidError.
+    tolerance : largest move in one collapse. Several collapses can move a point up to 3 times as far."""
     import manifold3d
 
     solid = manifold3d.Manifold(manifold3d.Mesh64(np.array(V), np.array(F, dtype=np.uint64)))
@@ -40,7 +40,9 @@ def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
     mesh = simple.to_mesh64()
     faces = np.asarray(mesh.tri_verts, dtype=np.int64)
     if simple.status() != manifold3d.Error.NoError or not len(faces):
-        raise SolidError(f"manifold3d cannot simplify a solid of {len(F)} triangles ({simple.status().name})")
+        raise SolidError(
+            f"the library manifold3d cannot simplify a solid of {len(F)} triangles ({simple.status().name})"
+        )
     return np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3], faces
 
 
@@ -55,9 +57,9 @@ def closed_skin(surface: Surface, D: Floats, shift: int = 0) -> tuple[Floats, In
 @dataclass(frozen=True, eq=False)
 class Skin:
     """Faces of the closed mesh around a sheet of n vertices. The sheet lies left of every boundary edge p -> q.
-    Vertex i has copy i on the upper side of the first face around it, and copy n + i on the opposite side.
-    upper, lower : (m, 3) copies of each face's corners on the side of the face's normal, and opposite.
-    p, q   : (2, r) copies of the ends of the boundary edges: first on the side of the normal, then opposite.
+    Vertex i has copy i on the upper side of the first face at vertex i, and copy n + i on the opposite side.
+    upper, lower : (m, 3) copies of each face's corners: on the side of the face's normal, on the opposite side.
+    p, q   : (2, r) copies of the boundary edges' ends: on the side of the normal, on the opposite side.
     rim    : (r,) the faces of the boundary edges.
     shift  : 0 for skins V + D and V - D, 1 for V + 2 D and V, -1 for V and V - 2 D.
     single : True if the vertices are rounded to single precision.
@@ -92,14 +94,15 @@ class Skin:
         return round_to_single(copies) if self.single else copies
 
     def shorter_diagonals(self, V: Floats, D: Floats) -> Bools:
-        """Return a mask (r,) of the walls whose diagonal `backslash` is the shorter diagonal."""
+        """Return a mask (r,) of the walls in which the diagonal `backslash` is shorter than the diagonal `slash`."""
         P = self.vertices(V, D)
         back, slash = P[self.p[0]] - P[self.q[1]], P[self.q[0]] - P[self.p[1]]
         shorter: Bools = np.einsum("ri,ri->r", back, back) < (1 - 1e-9) * np.einsum("ri,ri->r", slash, slash)
         return shorter
 
     def faces(self, backslash: Bools) -> Ints:
-        """Return outward faces (2 m + 2 r, 3): upper, lower, first and second triangles of walls."""
+        """Return outward faces (2 m + 2 r, 3): upper faces, lower faces, first and second triangles of the walls.
+        backslash : (r,) mask of the walls with this diagonal."""
         (p, below_p), (q, below_q) = self.p, self.q
         across = backslash[:, None]
         first_triangle = np.where(across, np.stack([q, p, below_q], axis=1), np.stack([q, p, below_p], axis=1))
@@ -107,11 +110,11 @@ class Skin:
         return np.concatenate([self.upper, self.lower[:, ::-1], first_triangle, second])
 
     def walls(self, faces: Ints) -> Ints:
-        """Return the walls (k,) that contain some of the solid's faces (f,)."""
+        """Return the numbers (k,) of the walls that contain faces of the list `faces` (f,)."""
         skins = 2 * len(self.upper)
         return np.unique((faces[faces >= skins] - skins) % max(self.p.shape[1], 1))
 
     def sources(self) -> Ints:
-        """Return the number (2 m + 2 r,) of the sheet's source face for each face of the solid."""
+        """Return the number (2 m + 2 r,) of the sheet's face from which each face of the solid is made."""
         every = np.arange(len(self.upper))
         return np.concatenate([every, every, self.rim, self.rim])

@@ -30,16 +30,16 @@ Place = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Repairs:
-    """Numbers of the repair of a solid.
+    """Numbers that describe the repair of a solid.
     rung        : strongest method of the repair: `none`, `flipped` (wall diagonals), `thinned`, or `united` (parts of
                   a sheet that crosses itself).
     found       : number of pairs of faces that intersected before the repair.
-    thinned     : number of vertices where the sheet was thinned because it met itself.
-    thinnest    : smallest remaining fraction of the thickness; 1 if nothing was thinned.
-    thinnest_at : place of the smallest thickness, metres; None if nothing was thinned.
+    thinned     : number of vertices where the sheet was thinned, because the thickened sheet met itself.
+    thinnest    : smallest remaining fraction of the thickness; 1 without thinning.
+    thinnest_at : point with the smallest thickness, metres; None without thinning.
     pairs       : number of pairs of faces that still intersect.
-    pairs_at    : place of the first of these pairs, metres.
-    crossings   : number of lines along which the sheet crosses itself; its parts are fused there.
+    pairs_at    : point at the first of these pairs, metres.
+    crossings   : number of lines along which the sheet crosses itself; parts of the sheet are fused there.
     moved       : number of vertices moved at small folds of the sheet.
     moved_by    : largest move of these vertices, metres.
     lost        : fraction of the sheet's volume that thinning removed.
@@ -74,21 +74,22 @@ def repair_report(
         lost = 1 - float(surface.areas @ share[surface.F].mean(axis=1)) / float(surface.areas.sum())
         report = replace(report, rung="thinned", thinned=thin, thinnest=least, thinnest_at=_triple(point), lost=lost)
         notes.append(
-            f"the thickened sheet met itself in {repair.found} pairs of faces and was thinned at {thin} of {surface.n} "
-            f"vertices: it lost {lost:.2%} of its volume, and keeps {least:.2f} of its thickness near {_place(point)}"
+            f"the thickened sheet met itself in {repair.found} pairs of faces and was thinned at {thin} of "
+            f"{surface.n} vertices: the sheet lost {lost:.2%} of its volume, and keeps {least:.2f} of its thickness "
+            f"near {_place(point)}"
         )
     away = np.linalg.norm(repair.V - surface.V, axis=1)
     if away.any():
         moved, largest_move = int((away > 0).sum()), float(away.max())
         report = replace(report, rung=report.rung if thin else "thinned", moved=moved, moved_by=largest_move)
         notes.append(
-            f"the sheet had folds smaller than its thickness; {moved} of its vertices were moved, at most by "
+            f"the sheet had folds smaller than its thickness; {moved} vertices of the sheet were moved, at most by "
             f"{largest_move:.3g} m near {_place(surface.V[away.argmax()])}"
         )
     if repair.union:
         report = replace(report, rung="united", crossings=repair.union.places)
         lines = "in one place" if repair.union.places == 1 else f"in {repair.union.places} places"
-        notes.append(f"the sheet crosses itself {lines}; its parts are fused there")
+        notes.append(f"the sheet crosses itself {lines}; the crossing parts of the sheet are fused")
     if len(repair.pairs):
         point = V[F[repair.pairs[0]]].mean(axis=(0, 1))
         report = replace(report, pairs=len(repair.pairs), pairs_at=_triple(point))
@@ -100,7 +101,8 @@ def repair_report(
 
 
 def rounding_notes(V: Floats, F: Ints) -> tuple[str, ...]:
-    """Return a note, or (), on faces F (m, 3) that collapse where STL files round V (n, 3), m, to single precision."""
+    """Return a note on faces F (m, 3) that collapse when STL files round V (n, 3), metres, to single precision.
+    Return () if no face collapses."""
     a, b = half_edges(F)
     lost = np.arange(len(a))
     for column in V.T:
@@ -111,14 +113,14 @@ def rounding_notes(V: Floats, F: Ints) -> tuple[str, ...]:
         return ()
     where = _place(V[F[lost[0]]].mean(axis=0))
     return (
-        f"{len(lost)} of {len(F)} faces collapse in files of single precision (STL), the first near {where}; "
-        "coarsen the sheet there or move it to the origin",
+        f"{len(lost)} of {len(F)} faces collapse in files of single precision (STL), the first near {where}; coarsen "
+        f"the sheet there, or move the sheet to the origin",
     )
 
 
 def _cause(repair: RepairedSkin) -> str:
     if repair.union:
-        return "rounding at the fused parts is the cause; slicers for printing accept these intersections"
+        return "the cause is rounding at the fused parts; slicer programs for printing accept these intersections"
     if repair.crosses:
         return f"the surface crosses itself in {repair.crosses} pairs of faces"
     return "parts of the surface are closer together than the sheet is thick"
@@ -138,9 +140,8 @@ VOLUME_TOLERANCE = 1e-9  # Largest error of the volume, divided by area and size
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A closed triangle mesh, ready to be built.
-    V       : (n, 3) vertices, metres.
-    F       : (m, 3) faces, counter-clockwise seen from outside.
+    """A solid body as a closed triangle mesh.
+    V : (n, 3) vertices, metres.    F : (m, 3) faces, counter-clockwise seen from outside.
     genus   : number of handles, summed over all closed boundary surfaces.
     pieces  : number of connected pieces of material; a thickened closed surface is one piece.
     notes   : sentences on changes that made the solid buildable, and on remaining faults.
@@ -202,11 +203,11 @@ class Solid:
 
 
 def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | None = None) -> Solid:
-    """Return the solid between the skins V + D and V - D of a sheet, closed by walls ruled along D on its boundary.
+    """Return the solid between the skins V + D and V - D of a sheet. Walls along D close the solid at the boundary.
     surface : an edge-manifold sheet without parts that touch only in a point; it may be closed, one-sided or in pieces.
     D       : (n, 3) half-thickness vectors from `offsets`, metres, on the normal's side of each vertex's first face.
     side    : "out" for the skins V + 2 D and V, "in" for V and V - 2 D.
-    proven  : (m,) faces whose prisms certainly meet no other prism (see `proven_cells`); they are not tested again.
+    proven  : (m,) mask of faces that need no test for intersections (see `proven_cells`).
 
     An exact test finds intersections. It rounds vertices as in STL files (single precision, millimetres), except in
     flat sheets and in sheets far from the origin. If unrounded vertices pass the test, the solid keeps them.
@@ -260,18 +261,19 @@ def check_solid(solid: Solid) -> None:
     status = judged.status()
     if status != manifold3d.Error.NoError:
         raise SolidError(
-            f"manifold3d rejects the solid of {len(solid.F)} triangles: {status.name}; "
-            "check the sheet for edges with one or three faces after thickening"
+            f"the library manifold3d rejects the solid of {len(solid.F)} triangles: {status.name}; after thickening, "
+            f"check the sheet for edges with one or three faces"
         )
     if not solid.volume > 0:
         raise SolidError(
-            f"the volume of the solid is {solid.volume:.3g} m3, not positive; make the sheet thinner or smoother"
+            f"the volume of the solid is {solid.volume:.3g} m3, which is not positive; make the sheet thinner or "
+            f"smoother"
         )
     size = float(np.linalg.norm(np.ptp(solid.box, axis=0)))
     if abs(judged.volume() - solid.volume) > VOLUME_TOLERANCE * solid.area * size:
         raise SolidError(
-            f"the solid's volume is {solid.volume:.9g} m3, manifold3d measures {judged.volume():.9g} m3; "
-            "details of the sheet are smaller than the precision of coordinates; use a coarser mesh"
+            f"the volume of the solid is {solid.volume:.9g} m3, but manifold3d measures {judged.volume():.9g} m3; "
+            f"details of the sheet are smaller than the precision of coordinates; use a coarser mesh"
         )
 
 
@@ -284,7 +286,8 @@ def _used_part(surface: Surface, D: Floats) -> tuple[Surface, Floats]:
     bad = np.flatnonzero(used & ~(np.isfinite(D).all(axis=1) & D.any(axis=1)))
     if len(bad):
         raise SolidError(
-            f"{len(bad)} offset vectors are zero or not finite (first: {first_few(bad)}); use those of `offsets`"
+            f"{len(bad)} offset vectors are zero or not finite (first: {first_few(bad)}); use the vectors that "
+            f"`offsets` returns"
         )
     return (surface, D) if used.all() else (Surface(surface.V[used], (np.cumsum(used) - 1)[surface.F]), D[used])
 
@@ -294,7 +297,7 @@ def _euler_characteristic(F: Ints) -> int:
 
 
 def _check_upward(surface: Surface, skin: Skin, D: Floats) -> None:
-    """Raise SolidError for pieces that would be inside out: their offset vectors point to the back of the faces."""
+    """Raise SolidError for pieces with offset vectors that point to the back of the faces."""
     count, label = surface.pieces
     upward = np.zeros(surface.m)
     for corner, copy in zip(surface.F.T, skin.upper.T, strict=True):

@@ -1,4 +1,4 @@
-"""Union of patches of a sheet that crosses itself."""
+"""Solid of a sheet that crosses itself: the union of thickened patches."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -20,9 +20,9 @@ INWARD = 0.005  # Vertices at seams and patch borders move by this fraction of t
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
-    """A part of the sheet, extended over adjacent faces of other parts.
-    faces : (m,) mask of faces.    V : (n, 3) vertices of the sheet, some of them moved, metres.
-    share : (n,) factors for the half-thickness vectors at the vertices."""
+    """A part of the sheet, extended over adjacent faces of neighbouring parts.
+    faces : (m,) mask of the part's faces.    V : (n, 3) vertices of the sheet, metres; moved near the part's ends.
+    share : (n,) factors of the half-thickness vectors at the vertices."""
 
     faces: Bools
     V: Floats
@@ -30,8 +30,8 @@ class Overlap:
 
 
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
-    """Divide a sheet into parts that overlap: the faces of each colour, and adjacent faces of higher colours.
-    colour  : (m,) number of the part of each face.
+    """Divide a sheet into overlapping parts: the faces of each colour, and adjacent faces of higher colours.
+    colour  : (m,) colour number of each face.
     clashes : (k, 2) pairs of faces whose thickened solids meet; no part contains both faces of a pair."""
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
@@ -73,7 +73,7 @@ def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_ver
     moved, nearest = np.unique(i[order], return_index=True)
     V = surface.V.copy()
     V[moved] += 0.45 * (surface.V[j[order][nearest]] - V[moved])
-    return _move_towards(V, neighbours, beyond, own_vertices, INWARD)  # else edges of two skins could coincide
+    return _move_towards(V, neighbours, beyond, own_vertices, INWARD)  # keeps edges of two skins apart
 
 
 def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools, share: float) -> Floats:
@@ -103,7 +103,7 @@ class PrismUnion:
 
 
 def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> PrismUnion | None:
-    """Return the solid of a sheet that crosses itself, or None if cuts or union fail.
+    """Return the solid of a sheet that crosses itself; None if division or union fails.
     corners : (m, 3, 3) half-thickness vectors at the corners of the faces, on the side of each face's normal, metres.
     pairs   : (k, 2) pairs of faces of `skin` that intersect."""
     graph, share = _dual(surface), np.ones(surface.n)
@@ -167,7 +167,8 @@ def _touching(F: Ints) -> Bools:
 
 
 def _cut_patches(label: Ints, clashes: Ints, graph: csr_array, patch_limit: int = 400) -> Ints | None:
-    """Return patch numbers (m,); no patch has both faces of a row of `clashes`. None if too many patches."""
+    """Return the patch number (m,) of each face. The two faces of a row of `clashes` are in different patches.
+    label : (m,) initial patch numbers.    Return None for more than `patch_limit` patches."""
     label = label.copy()
     count = int(label.max()) + 1
     while True:
@@ -199,7 +200,7 @@ def _patch_colours(label: Ints, clashes: Ints) -> Ints:
 
 class PrismPart(NamedTuple):
     """A thickened part of a sheet: closed mesh V (n, 3), metres, F (m, 3).
-    found  : (k, 2) pairs of the sheet's faces whose solids meet in this part.
+    found  : (k, 2) pairs of the sheet's faces that meet after thickening in this part.
     around : (k,) mask of the pairs with a common vertex."""
 
     V: Floats

@@ -17,7 +17,7 @@ FLAT = float(np.cos(1e-3))  # Least cosine of the angle between neighbours in on
 
 @dataclass(frozen=True, eq=False)
 class Wall:
-    """The thinnest wall of a solid: thickness (m), and the vertex (3,) of the measurement (m)."""
+    """The thinnest wall of a solid: thickness (m), and the vertex (3,) at which it is measured (m)."""
 
     thickness: float
     place: Floats
@@ -38,7 +38,7 @@ class Rays:
 
     def first_hits(self, start: Floats, direction: Floats) -> Ints:
         """Return the first face (k,) hit by each ray, or -1. start, direction : (k, 3) points and unit vectors."""
-        start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction  # so the ray misses its own face
+        start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction  # the ray must miss its own face
         return np.asarray(self._tree.intersect_ray_first(self._V, self._F, start, direction)[0], dtype=np.int64)
 
 
@@ -53,8 +53,8 @@ class Facets:
         self._first = np.searchsorted(self._facet, np.arange(len(F) + 1), sorter=self._order)
 
     def nearest_separate_pair(self, size: Floats, start_face: Ints, end_face: Ints) -> int | None:
-        """Return the index of the pair of faces with the smallest size (k,), or None.
-        Different facets that touch do not count. start_face, end_face : (k,) faces."""
+        """Return the index of the pair of faces with the smallest size (k,), or None. Pairs of touching facets do
+        not count. start_face, end_face : (k,) the two faces of each pair."""
         for k in np.argsort(size, kind="stable").tolist():
             if not np.isfinite(size[k]):
                 break
@@ -72,7 +72,7 @@ class Facets:
 
 def thinnest_wall(solid: Solid) -> Wall | None:
     """Return the thinnest wall of a solid, or None without walls.
-    Facets that touch form a tip, not a wall."""
+    Touching facets form the tip of a wedge and do not count as a wall."""
     V, F = np.array(solid.V), np.array(solid.F)
     face = _largest_faces(V, F)
     corner = np.arange(len(V))[face >= 0]

@@ -1,4 +1,4 @@
-"""Tests of the finite elements with known answers, on several meshes."""
+"""Tests of the finite elements against known solutions, on several meshes."""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -29,7 +29,8 @@ PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)
 
 
 def choose(names: Sequence[str]) -> list[Test]:
-    """Return the tests whose names begin with one of `names`, or all tests. Raises StaticsError for an unknown name."""
+    """Return the tests with names that begin with a text of `names`; all tests without `names`.
+    Raises StaticsError for an unknown name."""
     if not names:
         return list(TESTS.values())
     chosen: dict[str, Test] = {}
@@ -44,7 +45,7 @@ def choose(names: Sequence[str]) -> list[Test]:
 def verify(
     tests: Sequence[Test], pairs: Sequence[Elements] = PAIRS, progress: Callable[[str, str], None] | None = None
 ) -> Iterator[VerificationRow]:
-    """Yield results for each test, mesh pattern and pair of elements, and by CalculiX."""
+    """Yield the results of each test on each mesh pattern: with each pair of elements, then with CalculiX."""
     for test in tests:
         if progress:
             progress(test.name, ", ".join(str(cells) for cells in test.cells) + " cells")

@@ -19,14 +19,16 @@ PATTERNS: tuple[Mesh, ...] = ("diagonal", "union_jack")
 
 
 def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectangles") -> Problem:
-    """Return a cantilever 6 x 0.2 x 0.1 with a force on its end. cells : cells along each side of six blocks."""
+    """Return a cantilever 6 x 0.2 x 0.1 with a force on its end.
+    cells : number of cells across the width; six times as many cells lie along the length."""
     uv, F = square(6 * cells, cells, mesh)
     V = np.stack([6 * uv[:, 0] + lean(6 * uv[:, 0], shape) * (2 * uv[:, 1] - 1), 0.2 * uv[:, 1], 0 * uv[:, 0]], axis=1)
     return tip_loaded(uv, F, V, Material(1e7, 0.3), 0.1, force)
 
 
 def lean(station: Floats, shape: Shape) -> Floats:
-    """Return the distances (k,) by which the upper ends of mesh lines move. station : (k,) from 0 to 6."""
+    """Return the distances (k,) along the strip by which the upper ends of the mesh's cross lines move.
+    station : (k,) positions along the strip, 0 to 6."""
     lines = np.full(7, 0.0 if shape == "rectangles" else 1.0)
     if shape == "trapezoids":
         lines[1::2] = -1.0
@@ -69,7 +71,7 @@ def bent_strip_tip(slenderness: float) -> float:
 
 
 def raasch_hook(cells: int, mesh: Mesh) -> Problem:
-    """Return a strip 20 x 2: a bend of 60 degrees at radius 14, then a reverse bend of 150 degrees at radius 46."""
+    """Return a strip 20 wide and 2 thick: a bend of 60 degrees at radius 14, then back by 150 degrees at radius 46."""
     uv, F = square(9 * cells, cells, mesh)
     turn = np.radians(210 * uv[:, 0])
     first_arc = np.minimum(turn, np.pi / 3)
@@ -80,8 +82,8 @@ def raasch_hook(cells: int, mesh: Mesh) -> Problem:
 
 
 HOOK = 5.022
-"""Movement of the hook's end from solid elements: 5.02 by 20-node bricks [Abaqus 6.5 Benchmarks, 2.3.6; Knight 1997],
-5.02201 by extrapolation of three meshes of bricks in FinEtoolsFlexStructures.jl."""
+"""Displacement of the hook's end. 20-node bricks give 5.02 [Abaqus 6.5 Benchmarks, 2.3.6; Knight 1997].
+Extrapolation from three meshes of bricks gives 5.02201 [FinEtoolsFlexStructures.jl]."""
 
 EDGES_OF_STRIP = 0.63 * 2 / 20
 """Fraction .63 t / b by which the torsional stiffness of a strip is below b t^3 / 3 (width b, thickness t) [de Saint
@@ -90,8 +92,9 @@ Venant]. Theories of thin sheets lack the shear across the thickness that causes
 IN_TORSION = 0.9899  # Fraction of torsion in the strain energy of the hook as a curved beam.
 
 STRIP = (
-    "curved beam theory with the torsion constant b t^3 / 3 of a thin strip, unit load on the whole end (MacNeal and "
-    "Harder's 0.5022 is for a section twice as wide as thick, which thin-sheet theories cannot represent)"
+    "curved beam theory with the torsion constant b t^3 / 3 of a thin strip, unit load on the whole end (the value "
+    "0.5022 of MacNeal and Harder is for a section twice as wide as thick, and thin-sheet theories cannot represent "
+    "this section)"
 )
 
 
@@ -110,9 +113,9 @@ def _curved_plane() -> float:
     return float(np.pi * squares / (young * thickness * (a**2 - b**2 + squares * np.log(b / a))))
 
 
-HARDER = "MacNeal and Harder 1985, unit load on the whole end"
+HARDER = "value of MacNeal and Harder 1985 for a unit load on the whole end"
 RING = f"{HARDER} (the closed form of plane stress, Golovin 1881, gives {_curved_plane():.5f}, which is 1.4 % more)"
-THIN = "Simo, Fox and Rifai 1989, thickness 0.0032, load of 1e-6 on the whole end"
+THIN = "value of Simo, Fox and Rifai 1989 for thickness 0.0032 and a load of 1e-6 on the whole end"
 
 
 def _straight_beams() -> Iterator[Test]:
@@ -165,7 +168,7 @@ def _bent_strips() -> Iterator[Test]:
             f"bent_strip_{slenderness}",
             bent_strip_tip(slenderness),
             "closed form, pi / 4 P R^3 / (E I), no stretching; whole strip",
-            f"strip bent into a quarter circle, R / h = {slenderness}: does the membrane lock?",
+            f"strip bent into a quarter circle, R / h = {slenderness}: test for membrane locking",
             partial(bent_strip, slenderness=slenderness),
             CELLS,
             PATTERNS,
@@ -177,7 +180,7 @@ def _hooks() -> Iterator[Test]:
     yield Test(
         "raasch_hook",
         HOOK,
-        "Abaqus 6.5 Benchmarks 2.3.6, bricks; unit load on the whole end",
+        "Abaqus 6.5 Benchmarks 2.3.6, brick elements; unit load on the whole end",
         "Raasch's hook, a strip of two opposite arcs, pushed sideways: displacement of its end",
         raasch_hook,
         (1, 2, 4, 8),

@@ -1,4 +1,4 @@
-"""A vault cut into ribs. The reference is a solid model."""
+"""Test of a vault that is cut into ribs. Its reference solution is from a model of solid elements."""
 
 import numpy as np
 
@@ -46,7 +46,7 @@ def halved_on_cylinder(surface: Surface) -> Surface:
 
 
 def feet(surface: Surface) -> Bools:
-    """Return the vertices (n,) on both springing lines of the vault."""
+    """Return a mask (n,) of the vertices on the two lower edges of the vault."""
     return is_at(np.abs(np.arctan2(surface.V[:, 0], surface.V[:, 2])), OPENING / 2)
 
 
@@ -59,7 +59,7 @@ def cut_vault(cells: int, mesh: Mesh) -> Problem:
 
 
 def vault_solid(cells: int, mesh: Mesh) -> tuple[int, float] | None:
-    """Return the number of unknowns and the compliance (J) of the vault as a solid, or None."""
+    """Return the number of unknowns and the compliance (J) of the vault in solid elements; None without CalculiX."""
     surface = vault(cells)
     solid = wedges(surface, THICKNESS, on_cylinder)
     compliance = solid_compliance(solid, CONCRETE, end_face_nodes(solid, surface, feet(surface)), GRAVITY)
@@ -71,8 +71,8 @@ TESTS = [
         "cut_vault",
         # joules, extrapolated from .53056, .54628 and .55127 with 816, 3 264 and 13 056 wedges
         0.5536,
-        "quadratic wedges by CalculiX 2.20, three meshes, extrapolated; whole vault",
-        "vault cut into ribs, built in, under its own weight: compliance, compared with a solid model",
+        "quadratic wedge elements by CalculiX 2.20, extrapolated from three meshes; model: the whole vault",
+        "vault cut into ribs, clamped, under its own weight: compliance, compared with a solid model",
         cut_vault,
         cells=(COARSE, 2 * COARSE, 4 * COARSE),
         quantity="compliance",

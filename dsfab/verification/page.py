@@ -217,7 +217,8 @@ def _head(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
             "<span class=ok>ok</span> within the tolerance of what the test is about, ",
             "<span class=coarse>coarse</span> not yet but on a finer mesh, ",
             "<span class=off>off</span> not on the finest either, <span class=quiet>not run</span> ",
-            "for hinges, which cannot clamp a test's edges. In plots, each mesh pattern has a line, in the order of ",
+            "for 'hinge' elements, which cannot clamp the edges of a test. In plots, each mesh pattern has a line, in "
+            "the order of ",
             "the table (solid, dashed, dotted), grey marks are published values, the grey line is the tolerance.</p>",
             f"<p>Targets of {PAIR}: {met} of {len(aimed)} met{'; missed:' if missed else '.'}</p><ul>{missed}</ul>",
             f"<p>Widest spread between mesh patterns at 16 cells: {100 * spread[widest]:.2g} % ({widest[0]}).</p>"
@@ -247,7 +248,7 @@ def _cells(count: int) -> str:
 def _error(row: VerificationRow, limit: float | None) -> str:
     if row.value is None:
         return "no value"
-    limit_text = f" of the limit {limit:.5g} to which thin sheets converge" if limit else ""
+    limit_text = f" of the value {limit:.5g} to which thin sheets converge" if limit else ""
     return f"{row.value / (limit or row.reference):.4f}{limit_text}; wanted within {100 * (row.target or 0):.2g} %"
 
 
@@ -313,7 +314,11 @@ def _section(test: Test, rows: Sequence[VerificationRow], against: Sequence[Stan
 
 
 def _limit(test: Test) -> str:
-    return "" if test.limit is None else f" Targets, and each ratio after a slash, refer to the limit {test.limit:.6g}."
+    return (
+        ""
+        if test.limit is None
+        else f" Targets refer to the limit {test.limit:.6g}, and so does each ratio after a slash."
+    )
 
 
 def _table(test: Test, rows: Sequence[VerificationRow]) -> str:

@@ -1,4 +1,4 @@
-"""Sheets loaded in their plane."""
+"""Tests of flat sheets under loads in their plane."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -110,7 +110,7 @@ def quarter(
     """Return a quarter of a sheet with a hole, loaded by tractions on the outer edge.
     uv     : (n, 2) coordinates: u from 0 (x axis) to 1 (y axis), v from 0 (hole) to 1 (outer edge).
     stress : function (x, y) -> (..., 2, 2) of the stress, Pa.
-    target : u and a component ("xx") of the stress at the hole, the problem's value."""
+    target : coordinate u of a point of the hole, and the stress component there ("xx") that is the problem's value."""
     end, component = target
     surface = Surface(V, F)
     outer = edges_on(surface, is_at(uv[:, 1], 1.0))
@@ -143,7 +143,7 @@ TESTS = [
     Test(
         "cook",
         23.96,
-        "Cook 1974, reference value from refined meshes; model: the whole panel",
+        "Cook 1974, value from refined meshes; model: the whole panel",
         "tapered panel, built in on one side, sheared on the opposite side: displacement of that side's middle",
         cook,
         (2, 4, 8, 16),
@@ -153,7 +153,7 @@ TESTS = [
     Test(
         "kirsch_hole",
         3.0,
-        "Kirsch 1898, closed form; quarter, exact tractions at five radii",
+        "Kirsch 1898, closed form; model: a quarter of the sheet, with exact tractions at five radii",
         "round hole in a sheet under tension: stress at its edge, divided by the tension",
         kirsch,
         meshes=MESHES,

@@ -91,7 +91,8 @@ def shaken_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def pressed_plate(cells: int, mesh: Mesh) -> Problem:
-    """Return a simply supported square plate of side a, pressed along x by a line load N. Value: buckling N a^2 / D."""
+    """Return a simply supported square plate, pressed along x. Value: N a^2 / D at buckling.
+    N: force per length, a: side, D: bending stiffness."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     ends = [is_at(uv[:, 0], end) for end in (0.0, 1.0)]
@@ -119,7 +120,7 @@ def _moment() -> float:
     return float((sign * 16 / np.pi**4 * (m**2 + PLATE.poisson * n**2) / (m * n * (m**2 + n**2) ** 2)).sum())
 
 
-SERIES = "Timoshenko and Woinowsky-Krieger 1959, series; whole plate"
+SERIES = "Timoshenko and Woinowsky-Krieger 1959, series solution; model: the whole plate"
 square_plate = partial(Test, cells=(4, 8, 16), meshes=MESHES)
 
 TESTS = [
@@ -142,7 +143,7 @@ TESTS = [
     Test(
         "skew_plate",
         0.7945,
-        "Razzaque 1973, finite differences (quoted from memory); model: the whole plate",
+        "Razzaque 1973, finite differences (the value is quoted from memory); model: the whole plate",
         "rhombic plate of 60 degrees on two simple supports under a uniform load: sag of its centre",
         skew_plate,
         cells=(4, 8, 16, 32),
@@ -168,7 +169,7 @@ TESTS = [
     square_plate(
         "plate_buckling",
         4 * np.pi**2,
-        "Bryan 1891, closed form, 4 pi^2; whole plate",
+        "Bryan 1891, closed form, 4 pi^2; model: the whole plate",
         "square plate on simple supports, pressed from two sides: the load at which it buckles",
         pressed_plate,
         quantity="buckling",

@@ -61,7 +61,7 @@ def edges_on(surface: Surface, *lines: Bools) -> Bools:
 
 
 def octasphere(cells: int) -> tuple[Floats, Ints]:
-    """Return V (n, 3), F (m, 3) of a unit sphere from an octahedron with `cells` cells along each edge."""
+    """Return vertices (n, 3), faces (m, 3) of a unit sphere from an octahedron with `cells` cells along each edge."""
     b, faces = _octahedron_side(cells)
     signs = np.array([[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)])
     points = (b[None] * signs[:, None]).reshape(-1, 3)
@@ -71,13 +71,13 @@ def octasphere(cells: int) -> tuple[Floats, Ints]:
 
 
 def octant(cells: int) -> tuple[Floats, Ints]:
-    """Return V (n, 3), F (m, 3) of the eighth of `octasphere` without negative coordinates."""
+    """Return vertices (n, 3) and faces (m, 3) of the eighth of `octasphere` without negative coordinates."""
     b, faces = _octahedron_side(cells)
     return _on_sphere(b, cells), faces
 
 
 def _octahedron_side(cells: int) -> tuple[Ints, Ints]:
-    """Return corners (n, 3), integers with the sum `cells`, and faces of one octahedron side."""
+    """Return points (n, 3) and faces (m, 3) of an octahedron's side. Coordinates are integers with the sum `cells`."""
     i, j = np.meshgrid(np.arange(cells + 1), np.arange(cells + 1), indexing="ij")
     inside = i + j <= cells
     number = np.full((cells + 1, cells + 1), -1)
@@ -96,10 +96,9 @@ def _on_sphere(points: Ints, cells: int) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """One mesh of one test: structure, loads, and the value that is compared with the reference.
-    fixed   : (n, 3) marks of fixed directions (x, y, z) at each vertex.
-    clamped : (e,) marks of edges that cannot rotate.
-    force   : (n, 3) concentrated loads, newtons.
+    """A test on a mesh: structure, loads, and the value that is compared with the reference.
+    fixed   : (n, 3) mask of the fixed directions (x, y, z) at each vertex.
+    clamped : (e,) mask of the edges that cannot rotate.    force : (n, 3) concentrated loads, newtons.
     face    : (m, 3) loads per area, Pa.    edge : (e, 3) loads per length, N/m.
     value   : function that returns the value from an equilibrium.
     modes   : for vibration and buckling: function that calculates the value; else None."""
@@ -134,7 +133,7 @@ class Problem:
 
     @property
     def plane_axis(self) -> int | None:
-        """Number (0, 1, 2) of the axis normal to a sheet solved in its plane only; else None."""
+        """Number (0, 1, 2) of the axis normal to the sheet, if all unknowns are in the sheet's plane; else None."""
         return None if self.modes else flat_axis(self.surface, self.load)
 
     @property
@@ -151,7 +150,7 @@ class Problem:
         return int((~fixed).sum() + (~held_on_edges(self.surface, elements, fixed, self.clamped)).sum())
 
     def nodal_unknowns(self) -> int:
-        """Return the number of free unknowns that usual shell elements would have on this mesh."""
+        """Return the number of free unknowns of shell elements with five unknowns per vertex on this mesh."""
         fixed = self.fixed.copy()
         if self.plane_axis is not None:
             fixed[:, self.plane_axis] = True
@@ -178,11 +177,11 @@ class Test:
     problem   : (cells, mesh) -> Problem; `cells` counts the cells along the side that is refined.
     cells     : numbers of cells, coarse to fine.      meshes : mesh patterns.
     within    : tolerance; None for the tolerance of the quantity.
-    targets   : largest allowed relative error for displacements, by number of cells.
-    limit     : value to which thin sheets converge, if this differs from `reference`; `targets` then refer to `limit`.
+    targets   : largest allowed relative error of the elements for displacements, by number of cells.
+    limit     : value to which thin sheets converge, if different from `reference`; `targets` then refer to `limit`.
     quantity  : kind of value, which decides the tolerance.
-    beyond    : effect that thin-sheet theories lack, or ""; with a text, the value may agree with `limit` instead.
-    outside   : (cells, mesh) -> unknowns and value that another program calculates, or None."""
+    beyond    : effect that thin-sheet theories lack, or "". With an effect, a value close to `limit` passes too.
+    outside   : (cells, mesh) -> number of unknowns and value from a second program, or None."""
 
     __test__ = False  # pytest would collect a class with this name
 
@@ -216,7 +215,7 @@ def held_directions(n: int, *supports: tuple[Bools, str]) -> Bools:
 
 
 def point_force(n: int, *forces: tuple[Bools, tuple[float, float, float]]) -> Floats:
-    """Return forces (n, 3), newtons. Each pair in `forces`, mask (n,) and force, loads the first marked vertex."""
+    """Return forces (n, 3), newtons. forces : pairs of a mask (n,) and the force on the first marked vertex."""
     force = np.zeros((n, 3))
     for where, newtons in forces:
         force[np.flatnonzero(where)[0]] += newtons
@@ -224,7 +223,7 @@ def point_force(n: int, *forces: tuple[Bools, tuple[float, float, float]]) -> Fl
 
 
 def mean_move(where: Bools, direction: tuple[float, float, float]) -> Callable[[Equilibrium], float]:
-    """Return a function of an `Equilibrium`: the mean displacement (m) of marked vertices (n,)."""
+    """Return a function of an `Equilibrium`: the mean displacement (m) of marked vertices (n,) along `direction`."""
     return lambda answer: float((answer.u[where] @ np.array(direction)).mean())
 
 
@@ -237,7 +236,7 @@ def tip_loaded(
     uv: Floats, F: Ints, V: Floats, material: Material, thickness: float, force: tuple[float, float, float]
 ) -> Problem:
     """Return a strip built in at its end u = 0, with a force along its end u = 1.
-    uv, V : (n, 2) coordinates u, v of the vertices, 0 to 1, and (n, 3) places of the vertices.
+    uv, V : (n, 2) coordinates u, v of the vertices on the strip, 0 to 1, and (n, 3) vertex positions.
     The problem's value is the displacement along the force."""
     surface = Surface(V, F)
     root, tip = is_at(uv[:, 0], 0.0), is_at(uv[:, 0], 1.0)

@@ -56,7 +56,7 @@ OUTSIDE = "solid wedges (CalculiX)"  # Name of CalculiX's elements in results.
 
 
 def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
-    """Return the results of the test by CalculiX for all refinements; empty without CalculiX."""
+    """Return the results of CalculiX for all refinements of the test's mesh; empty without CalculiX."""
     results = [test.outside(cells, mesh) for cells in test.cells] if test.outside else []
     solved = [result for result in results if result is not None]
     return _rows(test, mesh, OUTSIDE, [count for count, _ in solved], [value for _, value in solved])
@@ -80,13 +80,14 @@ def _rows(
 
 
 def failures(rows: Iterable[VerificationRow]) -> list[VerificationRow]:
-    """Return the rows with the verdict `off` or `refused`, for reported elements."""
+    """Return the results with the verdict `off` or `refused`, only for elements that dsfab uses in reports."""
     gated = {str(pair) for pair in REPORTED}
     return [row for row in rows if row.elements in gated and row.verdict in ("off", "refused")]
 
 
 def observed_rate(values: Sequence[float | None]) -> float | None:
-    """Return the order of convergence from values on meshes of sizes 1, 1/2 and 1/4; None if unclear."""
+    """Return the order of convergence from values on meshes of sizes 1, 1/2 and 1/4.
+    Return None without three values, or if a difference between values is too small."""
     if any(value is None for value in values):
         return None
     a, b, c = (value for value in values if value is not None)
@@ -123,7 +124,7 @@ Seen = Literal["page", "transcript", "recalled"]
 
 @dataclass(frozen=True)
 class Publication:
-    """A published document. seen : where its numbers were read, or "recalled" from memory."""
+    """A published document. seen : source from which the numbers were read, or "recalled" (from memory)."""
 
     title: str
     seen: Seen
@@ -134,7 +135,7 @@ class Publication:
 
 @dataclass(frozen=True)
 class Published:
-    """A published value for a test. ratio : this value divided by the reference of its source.
+    """A published value for a test. ratio : the published value divided by the reference in the same source.
     cells    : number of cells of the published mesh, or of the next coarser mesh of the test; None if unknown.
     unknowns : number of unknowns of a published mesh that is not a mesh of the test, else None."""
 
@@ -286,7 +287,7 @@ def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> lis
 
 
 def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, float]]:
-    """Return, by number of cells, the largest number of unknowns and the largest relative error."""
+    """Return, for each number of cells, the largest number of unknowns and the largest relative error of `rows`."""
     worst: dict[int, tuple[int, float]] = {}
     for cells in sorted({row.cells for row in rows}):
         cell_rows = [row for row in rows if row.cells == cells]
@@ -297,7 +298,7 @@ def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, floa
 
 
 def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
-    """Return, by test, a sentence if the error of the elements `PAPER` is too large."""
+    """Return, by name of a test, a sentence on each test in which the error of the elements `PAPER` is too large."""
     lines = {}
     for name in dict.fromkeys(row.test for row in rows):
         ours = [row for row in rows if row.test == name and row.elements == str(PAPER) and row.ratio is not None]

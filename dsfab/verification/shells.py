@@ -1,4 +1,4 @@
-"""Curved sheets: tests for shell elements [Belytschko et al. 1985], and vessels under pressure."""
+"""Tests of curved sheets: shells [Belytschko et al. 1985], and vessels under pressure."""
 
 from collections.abc import Callable
 from functools import partial
@@ -25,13 +25,12 @@ from dsfab.verification.problems import (
 
 
 def scordelis_lo(cells: int, mesh: Mesh) -> Problem:
-    """Return the Scordelis-Lo roof, a barrel vault on diaphragms.
-    Value: sag of the middle of a free edge."""
+    """Return the Scordelis-Lo roof, a barrel vault on diaphragms. Value: sag of the middle of a free edge."""
     uv, F = square(cells, cells, mesh)
     turn = np.radians(80) * (uv[:, 0] - 0.5)
     surface = Surface(np.stack([25 * np.sin(turn), 50 * uv[:, 1], 25 * np.cos(turn)], axis=1), F)
     ends = is_at(uv[:, 1], 0.0) | is_at(uv[:, 1], 1.0)
-    crown = is_at(uv[:, 1], 0.0) & is_at(uv[:, 0], 0.5)  # this support prevents sliding, without a reaction
+    crown = is_at(uv[:, 1], 0.0) & is_at(uv[:, 0], 0.5)  # this support prevents sliding; its reaction is 0
     fixed = held_directions(surface.n, (ends, "xz"), (crown, "y"))
     sag = mean_move(is_at(uv[:, 0], 0.0) & is_at(uv[:, 1], 0.5), (0.0, 0.0, -1.0))
     return Problem(surface, Material(4.32e8, 0.0), 0.25, fixed, sag, face=(0.0, 0.0, -90.0))
@@ -114,7 +113,7 @@ TESTS = [
         "barrel vault on stiff end walls under its own weight: sag of the middle of its free edge",
         scordelis_lo,
         targets={8: 0.015, 16: 0.008},
-        # The reference is between 0.3086 (shallow-shell theory, Scordelis and Lo 1964) and finite-element values, 1985.
+        # The reference is between 0.3086 (shallow-shell theory, Scordelis and Lo 1964) and finite elements of 1985.
         # The limit is for Kirchhoff-Love shells [Kiendl, Bletzinger, Linhard and Wuechner 2009, CMAME 198, 3902-3914].
         limit=0.300592,
     ),
@@ -129,7 +128,8 @@ TESTS = [
     fine_shell(
         "holed_hemisphere",
         0.0940,
-        "MacNeal and Harder 1985, 18 degree hole (dsfab converges to 0.0935); model: 1/4 hemisphere, 1/2 of each force",
+        "MacNeal and Harder 1985, hole of 18 degrees (dsfab converges to 0.0935); model: 1/4 of the hemisphere, 1/2 "
+        "of each force",
         "hemisphere with a hole at its pole, pulled and pushed at its rim: displacement at the forces",
         holed_hemisphere,
         targets={16: 0.005},
@@ -147,7 +147,7 @@ TESTS = [
         "pressurised_sphere",
         PRESSURE * (1 - VESSEL.poisson) / (2 * VESSEL.young * WALL),
         "closed form, p R^2 (1 - nu) / (2 E h); whole sphere",
-        "closed sphere under inner pressure: how far it swells",
+        "closed sphere under inner pressure: increase of the radius",
         pressurised_sphere,
         (4, 8, 16),
         ("diagonal",),
@@ -156,7 +156,7 @@ TESTS = [
         "pressurised_cylinder",
         PRESSURE / (VESSEL.young * WALL),
         "closed form, p R^2 / (E h); whole tube",
-        "open tube under inner pressure: how far it swells",
+        "open tube under inner pressure: increase of the radius",
         pressurised_cylinder,
         (16, 32, 64),
     ),

@@ -45,7 +45,7 @@ def tapered_membrane(cells: int, mesh: Mesh, mode: int) -> Problem:
 
 
 def vibrating(surface: Surface, fixed: Bools, clamped: Bools, mode: int) -> Problem:
-    """Return a sheet in free vibration. The value is the frequency `mode`, from 1 on, in hertz."""
+    """Return a sheet in free vibration. The problem's value is the frequency (Hz) of mode number `mode`, from 1 on."""
     sheet = SheetModel(surface, STEEL, THICKNESS, clamped=clamped)
 
     def modes(elements: Elements) -> float:
@@ -59,7 +59,7 @@ CLASSICAL = 1 / np.sqrt(3 * (1 - TUBE.poisson**2))
 """Buckling load N R / (E t^2) of a cylinder, .605 for nu = .3 [Lorenz 1908]."""
 WAVE = np.pi * np.sqrt(TUBE_WALL) / (12 * (1 - TUBE.poisson**2)) ** 0.25
 """Half wavelength of the buckling rings of a tube of radius 1. The tube has this length, so its lowest modes are rings.
-Longer tubes have modes with few waves around the circumference. For these, shallow-shell loads are 4 % too high."""
+Longer tubes buckle with few waves around the circumference; shallow-shell theory overestimates these loads by 4 %."""
 
 
 def axial_cylinder(cells: int, mesh: Mesh) -> Problem:
@@ -106,20 +106,20 @@ TESTS = [
         "cantilevered_plate",
         PLATE_HERTZ,
         "NAFEMS FV16, 1987; whole plate",
-        "thin square plate built in at one side",
+        "thin square plate clamped at one side",
         cantilevered_plate,
     ),
     *_tests(
         "tapered_membrane",
         MEMBRANE_HERTZ,
         "NAFEMS FV32, 1987; whole membrane",
-        "tapered sheet built in at its high end, moving in its plane",
+        "tapered sheet clamped at its high end, vibrating in its plane",
         tapered_membrane,
     ),
     Test(
         "axial_cylinder",
         float(CLASSICAL),
-        "classical theory, 1 / sqrt(3 (1 - nu^2)); model: 1/4 of a tube, whose length is half of a buckling wave",
+        "classical theory, 1 / sqrt(3 (1 - nu^2)); model: 1/4 of a tube; the tube is half of a buckling wave long",
         "tube pressed along its axis: the load at which it buckles",
         axial_cylinder,
         cells=(16, 32, 64),

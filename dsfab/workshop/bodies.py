@@ -20,9 +20,9 @@ from dsfab.workshop.planks import PlankPlan, plank_courses, upright_course
 
 @dataclass(frozen=True, eq=False)
 class RefoldedStrip:
-    """Strip or plank in its built shape in space, at k stations.
+    """Strip or plank in its built shape in space, at k stations along its length.
     edges   : (k, 2, 3) points of the right and of the left edge, metres.
-    normals : (k, 3) unit normals of the face.
+    normals : (k, 3) unit normals of the strip's face.
     holes   : (h, 3) middles of the holes of a strip, or of the slot bottoms of a plank, metres.
     bolts   : (h,) names of the bolts in the holes, or of the nodes of the slots."""
 
@@ -36,7 +36,8 @@ class RefoldedStrip:
 
 @dataclass(frozen=True, eq=False)
 class RefoldedPlan:
-    """Strips or planks of a plan in their built shape, and errors `deviations` (h,) of the joints (m)."""
+    """Strips or planks of a plan in their built shape.
+    deviations : (h,) distances of bolt holes and slots from their exact positions at the joints, metres."""
 
     strips: tuple[RefoldedStrip, ...]
     deviations: Floats

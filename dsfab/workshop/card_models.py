@@ -31,12 +31,12 @@ MODEL_LETTERS = (0.003, 0.002)  # largest heights of part names and of node name
 
 
 def scaled_surface(surface: Surface, scale: float) -> Surface:
-    """Return a surface at 1 : scale."""
+    """Return a surface at the size of a model at 1 : `scale`."""
     return Surface(surface.V / scale, surface.F)
 
 
 def scaled_graph(graph: MemberGraph, scale: float) -> MemberGraph:
-    """Return members and nodes at 1 : scale."""
+    """Return members and nodes at the size of a model at 1 : `scale`."""
     sheet = replace(graph.sheet, surface=scaled_surface(graph.sheet.surface, scale))
     members = tuple(_scaled_member(member, scale) for member in graph.members)
     nodes = [replace(n, point=n.point / scale, area=n.area / scale**2) for n in graph.nodes]
@@ -60,7 +60,7 @@ def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: flo
     thinner = np.floor(1e4 * limits.thickest) / 1e4 if limits.bending else 0.0
     if limits.bending > CREASE_STRAIN:
         notes.append(
-            f"NOT SMOOTH: {bending_text}, and greyboard creases at about {CREASE_STRAIN:.0%}: set "
+            f"NOT SMOOTH: {bending_text}, and greyboard creases at a strain of about {CREASE_STRAIN:.0%}: set "
             f"--thickness to {MM_PER_M * thinner:g}mm or less, or build a larger model"
         )
     else:
@@ -72,21 +72,21 @@ def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: flo
         larger = _rounded_scale(scale * least / NARROWEST)
         notes.append(
             f"TOO NARROW: {len(narrow)} of the members are narrower than {length(NARROWEST)} and would tear "
-            f"({narrow[0].id} is {length(least)}): build at 1:{larger:g} or larger, or make members "
-            f"{length(NARROWEST * scale)} wide, see [pattern.width]"
+            f"({narrow[0].id} is {length(least)} wide): build at 1:{larger:g} or larger, or make members "
+            f"{length(NARROWEST * scale)} wide in the structure, see [pattern.width]"
         )
     fit = 1e-4  # largest error (m) that a coarse mesh may cause in the length between two pins of the model
     wanted_edge = limits.wanted_edge * np.sqrt(fit / HOLE_FIT) * scale if bolt else np.inf
     if limits.edge * scale > 1.05 * wanted_edge:
         notes.append(
-            f"HOLES MAY MISS EACH OTHER: edges of {length(limits.edge * scale)} are too coarse a mesh for this model; "
-            f"set surface.edge to {wanted_edge:.2g} or less"
+            f"HOLES MAY MISS EACH OTHER: the mesh, with edges of {length(limits.edge * scale)}, is too coarse for "
+            f"this model; set surface.edge to {wanted_edge:.2g} or less"
         )
     return notes
 
 
 def packing_parts(graph: MemberGraph, layering: Layering) -> list[FlatPart]:
-    """Return squares of card as spacers."""
+    """Return squares of card that fill gaps between the strips at nodes."""
     families = {member.id: member.family for member in graph.members}
     squares = []
     for node in graph.nodes:
@@ -129,14 +129,19 @@ class PanelParts:
     def lines(self) -> list[str]:
         """Sentences for the builder about the panels."""
         sentences = [
-            f"{len(self.parts)} panels in one skin with {self.tabs} tabs: at crossings, family A passes through and B "
-            "is cut; edge members pass through A and B"
+            f"{len(self.parts)} panels in one skin with {self.tabs} tabs: at crossings, members of family A are "
+            f"uninterrupted and members of family B are cut; members along edges cut both families"
         ]
         if self.sharp:
             nodes = names_and_count(self.sharp)
-            sentences.append(f"members meet at under 25 degrees at {nodes}: glue one of the two members on the other")
+            sentences.append(
+                f"two members meet at an angle below 25 degrees at {nodes}: glue one member on top of the other member"
+            )
         if self.covered:
-            sentences.append(f"{self.covered} bays are too short for a panel: the members at both ends cover them")
+            sentences.append(
+                f"{self.covered} bays (parts between nodes) are too short for a panel: the members at both ends cover "
+                f"these bays"
+            )
         return sentences
 
 
@@ -152,7 +157,8 @@ class _CrossingEdge:
         lock(self, "way", np.float64, (2,))
 
     def stations(self, side: int, away: float, y: Floats) -> Floats:
-        """Return arc lengths (q,) of points y (q,) m left of the crossed axis."""
+        """Return the arc lengths (q,) of points `away` metres from the axis of the crossing member.
+        y : (q,) distances of the points left of this member's axis, metres."""
         nx, ny = np.array([-self.way[1], self.way[0]]) * np.sign(-self.way[1]) * side
         return np.asarray(self.s + (away - y * ny) / nx)
 
@@ -165,8 +171,7 @@ def panel_parts(
     ground: BasePlane | None = None,
 ) -> PanelParts:
     """Return the panels of all strips of a graph at model size.
-    letters : largest height of names, metres.
-    room    : lengths and widths of the stock, metres.
+    letters : largest height of names, metres.    room : lengths and widths of the stock, metres.
     ground  : base plate for feet with tabs; None for ends without feet."""
     members = [member for member in graph.members if is_strip(member)]
     widest = max((member.mean_width for member in members), default=0.0)

@@ -1,4 +1,4 @@
-"""Development of members: axes with their edges, and strips developed into the plane.
+"""Development of members into the plane: axes with distances to the edges, and flat strips.
 
 Points P of an axis move by a height h along normals N to a curve P + h N of length ds_h, at the angle phi to the
 axis, with the geodesic curvature kg_h:
@@ -63,7 +63,7 @@ class StripCourse:
         return place, T / np.linalg.norm(T, axis=1)[:, None], N
 
     def repeated_stations(self, s: Floats) -> Floats:
-        """Return the arc lengths s (q,); for a closed axis of length L, s - L, s and s + L (3 q,)."""
+        """Return the arc lengths s (q,). For a closed axis of length L, return s - L, s and s + L (3 q,)."""
         around = self.end - self.begin
         return np.concatenate([s - around, s, s + around]) if self.closed else s
 
@@ -72,14 +72,14 @@ class StripCourse:
         return np.asarray(np.interp(s, self.s, self.left + self.right))
 
     def wrapped_station(self, s: float) -> float:
-        """Return `s`, for a closed axis moved by whole rounds to between `begin` and `end`."""
+        """Return the arc length `s`. On a closed axis, add whole rounds so that `begin` <= s < `end`."""
         if not self.closed:
             return s
         return self.begin + float(np.mod(s - self.begin, self.end - self.begin))
 
 
 def member_course(graph: MemberGraph, member: Member, overhang: float, extra_length: float) -> StripCourse:
-    """Return the course of a member: stations along its axis, and distances to its edges.
+    """Return a member's course: stations along the axis, and distances to the edges.
     overhang     : least length beyond the first node and beyond the last node, metres.
     extra_length : length beyond the built part, metres."""
     axis = member.curve
@@ -106,7 +106,7 @@ def turns_within_its_width(member: Member) -> Bools:
 
 
 def uncurled_span(member: Member) -> tuple[float, float]:
-    """Return the first and the last arc length of a member without sharply turning ends."""
+    """Return the first and the last arc length of a member after its sharply turning ends are cut off."""
     axis = member.curve
     reach = OBLIQUE_WIDTHS * float(np.median(member.width))
     if axis.closed or axis.length < 4 * reach:
@@ -180,7 +180,7 @@ CHORD_TOLERANCE = 2e-5  # largest distance between an outline's chord and its ar
 
 @dataclass(frozen=True, eq=False)
 class Development:
-    """Strip of a member, developed into the plane.    height : of the strip above the member's axis (m).
+    """Strip of a member, developed into the plane.    height : height of the strip above the member's axis (m).
     The developed middle line x (k, 2) begins at the origin along +x."""
 
     course: StripCourse
@@ -188,7 +188,7 @@ class Development:
 
     @cached_property
     def length_ratio(self) -> Floats:
-        """Length of the strip's middle line / length of the member's axis, at each station (k,)."""
+        """Length of the strip's middle line, divided by the length of the member's axis, at each station (k,)."""
         c, h = self.course, self.height
         return np.asarray(np.hypot(1 - h * c.kn, h * c.tg))
 
@@ -231,14 +231,14 @@ class Development:
         return np.asarray(x + np.asarray(y)[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
 
     def frame(self, s: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return points, tangents, left directions and normals (q, 3) of the strip at arc lengths s (q,)."""
+        """Return points, tangents, left directions and normals, (q, 3) each, of the strip at arc lengths s (q,)."""
         P, T, N = self.course.frame_at(s)
         B = cross(N, T)
         turn = np.interp(s, self.course.s, self.turn)[:, None]
         return P + self.height * N, np.cos(turn) * T + np.sin(turn) * B, np.cos(turn) * B - np.sin(turn) * T, N
 
     def piercing_point(self, point: Floats, normal: Floats, s: float) -> tuple[float, float]:
-        """Return where the line through a point (3,) along a unit normal (3,) meets the strip near the arc length `s`:
+        """Return the point where the line through a point (3,) along a unit normal (3,) meets the strip near `s`:
         the arc length, and the distance left of the strip's middle line (m)."""
         y = 0.0
         for _ in range(4):  # Newton steps

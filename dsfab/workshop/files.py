@@ -155,7 +155,7 @@ def stock_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def nest_table(plan: WorkshopPlan) -> PlanTable:
-    """Return the table of places: a row for each part, with the sheet, lower left corner and rotation."""
+    """Return the table of positions: a row for each part, with its sheet, lower left corner and rotation."""
     head = ("sheet", "sheet_length_mm", "sheet_width_mm", "sheet_used", "part", "x_mm", "y_mm", "turned_deg")
     rows = []
     for k, s in enumerate(plan.sheets, 1):
@@ -255,8 +255,7 @@ NEST, CUTLIST, WORKBOOK, BARS, SHEET = "nest", "cutlist.csv", "cutlist.xlsx", "b
 def write_workshop(
     plan: WorkshopPlan, folder: Path, name: str, documents: Mapping[str, bytes] = MappingProxyType({})
 ) -> Path:
-    """Write the files of a plan into a folder, all of them or none.
-    documents : further files by name.
+    """Write all files of a plan into a folder; write nothing if a file fails.    documents : further files by name.
     Files of an earlier plan are removed. Raises ExportError if the folder is not writable."""
     with atomic_folder(folder, _outdated_files) as partial:
         nest = nest_drawing(plan, name)

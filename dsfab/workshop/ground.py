@@ -21,7 +21,7 @@ STEEP_SINE = np.sin(np.radians(25.0))  # smallest slope (sine) of a strip with a
 
 @dataclass(frozen=True, eq=False)
 class StripFoot:
-    """Foot of a strip: an end with a tab that stands on the base plate. Arc lengths are measured on the strip's axis.
+    """Foot of a strip: an end with a tab on the base plate. Arc lengths are measured on the strip's axis.
     shoulders : (4,) arc lengths of the points on the plate: strip's right edge, tab's two sides, strip's left edge.
     sides     : (4,) distances of these points from the axis, positive to the left, metres.
     tips      : (2,) arc lengths of the right and left corner of the tab's end.
@@ -35,7 +35,7 @@ class StripFoot:
     at_end: bool
 
     def cap(self, layer: Development) -> Floats:
-        """Return the corners (6, 2) of the foot in the flat strip `layer`, counter-clockwise around the strip."""
+        """Return the corners (6, 2) of the foot on the flat strip `layer`, counter-clockwise, metres."""
         s = np.concatenate([self.shoulders[:2], self.tips, self.shoulders[2:]])
         cap = layer.to_plane(s, np.concatenate([self.sides[:2], self.sides[1:3], self.sides[2:]]))
         return cap if self.at_end else cap[::-1]
@@ -46,7 +46,7 @@ class BasePlane:
     """Upper face of the base plate of a model.
     point, up : (3,) point in the face, metres, and unit normal of the face.
     supports  : (q, 3) vertices of the surface with a support, metres.
-    reach     : metres; a strip stands on a support closer to its end than `reach` plus the strip's width.
+    reach     : metres; a strip stands on a support if their distance is less than `reach` plus the strip's width.
     clearance : gap between a tab and its slot, metres."""
 
     point: Floats
@@ -86,7 +86,7 @@ class BasePlane:
         return float(self.heights(self.supports[int(k)][None])[0]) if is_near else None
 
     def cut_course(self, course: StripCourse, height: float) -> tuple[StripCourse, tuple[StripFoot, ...]]:
-        """Cut a strip at the base plate. Return the remaining course, and the feet at its ends.
+        """Cut a strip at the base plate. Return the remaining part of the strip, and the feet at its ends.
         height : height of the strip above the surface, metres."""
         if course.closed:
             return self._trim_course(course, height), ()
@@ -119,7 +119,7 @@ class BasePlane:
         return StripFoot(shoulders, sides, tips, self._slot(layer, shoulders[1:3], sides[1:3], (down, N, B)), at_end)
 
     def stations_at_height(self, layer: Development, sides: Floats, station: float, height: float) -> Floats | None:
-        """Return arc lengths (q,) where lines along a strip reach a height above the plate (m), or None.
+        """Return arc lengths (q,) at which lines along a strip are `height` metres above the plate; None if impossible.
         sides : (q,) distances of the lines from the axis, positive to the left, metres."""
         s, course = np.full(len(sides), station), layer.course
         for _ in range(20):  # these are Newton steps
@@ -185,7 +185,9 @@ def outline_with_feet(layer: Development, span: tuple[float, float], feet: tuple
 
 
 NAME_HEIGHT = 0.002  # height of names beside slots (m)
-NO_FEET_NOTE = "no strip ends on the base plate steeply enough for a tab: glue the model on the engraved lines"
+NO_FEET_NOTE = (
+    "no strip meets the base plate at an angle that is steep enough for a tab: glue the model onto the engraved lines"
+)
 
 
 def base_parts(
@@ -257,7 +259,10 @@ def base_notes(ground: BasePlane, feet: list[tuple[str, StripFoot]], plates: lis
     notes = [f"{len(feet)} feet of {len(names)} parts stand in slots of the base plate" if feet else NO_FEET_NOTE]
     highest = float(ground.heights(ground.supports).max())
     if highest > ground.reach:
-        notes.append(f"some supports are up to {length(highest)} above the base plate: prop the strips that end there")
+        notes.append(
+            f"some supports are up to {length(highest)} above the base plate: prop the strips that end at these "
+            f"supports"
+        )
     if len(plates) > 1:
-        notes.append(f"the base plate is in {len(plates)} pieces, butted: glue them on a board")
+        notes.append(f"the base plate consists of {len(plates)} pieces, side by side: glue these pieces on a board")
     return notes

@@ -23,7 +23,7 @@ BOLT_PITCH = 4.0  # distance between bolts of a splice, in bolt diameters
 
 @dataclass(frozen=True)
 class Layering:
-    """Layers in which strips of equal thickness (m) lie above each other. Layer 0 is outermost, on the normals' side.
+    """Layers of strips of equal thickness (m), above each other. Layer 0 is outermost, on the side of the normals.
 
     major  ═══════════════     0      numbers for two layers; with four layers both families alternate
     minor  ─┤ ├─── ┤ ├────     1
@@ -32,7 +32,7 @@ class Layering:
     count          : number of layers of stripes.    bolt : diameter of the bolts, metres.
     families_below : families of `FAMILIES_BELOW` that exist in this structure.
     letters        : largest heights of part names and of node names, metres.
-    alike          : largest difference of outlines of parts that may become equal, metres; 0 changes no part."""
+    alike          : parts with outlines that differ by at most this length (m) become equal; 0 changes no part."""
 
     thickness: float
     count: int
@@ -49,7 +49,7 @@ class Layering:
 
     @property
     def skips_crowded_names(self) -> bool:
-        """True if node names that do not fit are omitted."""
+        """True if names of nodes are omitted where they do not fit."""
         return self.letters[0] < PART_LETTERS
 
     @property
@@ -77,7 +77,7 @@ class Layering:
         return (END_DISTANCE + BOLT_PITCH + END_DISTANCE) * self.bolt
 
     def splice_bolts(self, width: float) -> tuple[tuple[float, float], ...]:
-        """Return the places of a splice's bolts (m): along the strip from the splice, and left of the axis."""
+        """Return the positions of a splice's bolts (m): along the strip from the splice, and left of the axis."""
         row = round(width / 4 / self.alike) * self.alike if self.alike else width / 4
         rows = (-row, row) if width / 4 >= 3 * self.bolt else (0.0,)  # only wide parts have two rows of bolts
         along = (END_DISTANCE * self.bolt, (END_DISTANCE + BOLT_PITCH) * self.bolt)
@@ -119,7 +119,7 @@ def shortened_courses(
     joined: set[frozenset[str]],
     overhang: float,
 ) -> dict[str, StripCourse]:
-    """Return shorter courses (built parts of axes) for strips that would run into another strip of their layer.
+    """Return shorter courses (built parts of axes) for strips that would collide with a strip of the same layer.
     overhang : length of a strip beyond its last node, metres.    nodes : arc lengths of each member's nodes, metres.
     joined   : pairs of members that may overlap."""
     open_courses = {name: course for name, course in courses.items() if not course.closed}
@@ -137,7 +137,7 @@ def shortened_courses(
 
 
 def courses_without_curls(courses: Mapping[str, StripCourse], members: Sequence[Member]) -> dict[str, StripCourse]:
-    """Return the courses (built parts of axes) without sharply turning ends, by member."""
+    """Return, by member, the courses (built parts of axes) that lost a sharply turning end."""
     lengths = {member.id: member.length for member in members}
     return {name: c for name, c in courses.items() if not c.closed and (c.begin > 0 or c.end < lengths[name])}
 

@@ -36,7 +36,7 @@ GLYPHS = {
 
 
 def strokes(text: str, height: float) -> list[Floats]:
-    """Return polylines (k, 2) of a line of text."""
+    """Return a line of text as polylines (k, 2), in the unit of `height` (height of capital letters)."""
     lines, x = list[Floats](), 0.0
     for letter in text:
         scale = height / GLYPH_HEIGHT * (SMALL_LETTER_SHARE if letter.islower() else 1.0)
@@ -87,12 +87,12 @@ class FlatPart:
     """Part to cut, as seen from the side to which the surface normals point.
     id        : "A07.2" for the second piece of member A07, "A07.c1" for the cover plate of its first splice.
     member    : name of the member; "" for pieces of a sheet.
-    span      : arc lengths of the axis at both ends, metres; (0, 0) without an axis.
+    span      : arc lengths of the member's axis at the part's two ends, metres; (0, 0) without an axis.
     outline   : (k, 2) corners, counter-clockwise, metres.
     slots     : (k, 2) closed cuts, metres.    marks : (k, 2) lines to engrave, metres.
     layer     : height of the part's middle over the surface, metres.
     axis      : (k, 2) middle line, metres, or (0, 2).
-    thickness : metres; 0 for the thickness of the plan."""
+    thickness : thickness, metres; 0 for the thickness of the whole plan."""
 
     id: str
     member: str
@@ -226,9 +226,8 @@ def _same_points(points_a: Floats, points_b: Floats) -> bool:
 
 
 def alike_parts(parts: Sequence[FlatPart], distance: float, fit: float) -> list[FlatPart]:
-    """Return the parts with fewer shapes: a part that is nearly equal to an earlier part takes its shape.
-    parts    : parts, placed by `FlatPart.along_x`.
-    distance : largest distance between nearly equal outlines, metres.
+    """Return the parts with fewer shapes: a part that is nearly equal to an earlier part gets the earlier shape.
+    parts : parts, placed by `FlatPart.along_x`.    distance : largest distance between nearly equal outlines, metres.
     fit      : largest distance between matching holes, metres."""
     first_parts = dict[tuple[int, float], list[FlatPart]]()
     result = list[FlatPart]()

@@ -1,4 +1,4 @@
-"""Workshop plan: the route by which a design is built, its parts and their sheets."""
+"""Workshop plan of a design: the way to build it (route), its parts, and the sheets with these parts."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -70,16 +70,18 @@ def construction_route(
         return ConstructionRoute("sheet", "" if options.route == "sheet" else "the design is flat")
     if options.route in ("bars", "planks"):
         if options.model:
-            raise PatternError("a model is built of strips: leave out --model, or set workshop.route = 'strips'")
+            raise PatternError(
+                "dsfab builds models only from strips: leave out --model, or set workshop.route = 'strips'"
+            )
         if options.route == "planks":
             return ConstructionRoute("planks", planks=design_planks(design, graph, up))
         return ConstructionRoute("bars", bars=design_bars(design, graph, up))
     if options.route == "panels" and not options.model:
-        raise PatternError("panels with tabs are for models in card: give --model 1:50, or another route")
+        raise PatternError("panels with tabs are only for models in card: give --model 1:50, or another workshop.route")
     if options.route in ("strips", "panels"):
         return ConstructionRoute(options.route)
     if options.model:
-        return ConstructionRoute("strips", "models are built of strips")
+        return ConstructionRoute("strips", "dsfab builds models only from strips")
     statics = design.preset.statics
     edge = drilling_members(design)[1]
     limits = strip_limits(graph, design.surface, layering.thickness, statics.strength / statics.young, edge)
@@ -106,12 +108,13 @@ def design_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> PlankP
     options, statics = design.preset.workshop, design.preset.statics
     widths = [member.mean_width for member in graph.members if is_strip(member)]
     if not widths:
-        raise PatternError("no member of this design is long enough for a plank; build it as one piece")
+        raise PatternError("no member of this design is long enough for a plank; build the design as one piece")
     thickness, depth = options.thickness or statics.thickness, options.depth or float(np.median(widths))
     slenderness = 1.5  # smallest ratio of an upright plank's depth to its thickness
     if depth < slenderness * thickness:
         raise PatternError(
-            f"a plank that is {length(depth)} deep and {length(thickness)} thick does not stand upright: set "
+            f"a plank that is {length(depth)} deep and {length(thickness)} thick is not slender enough for an upright "
+            f"plank: set "
             f"workshop.thickness to {depth / slenderness:.2g} or less, or workshop.depth to "
             f"{slenderness * thickness:.2g} or more"
         )
@@ -127,24 +130,29 @@ def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
     slack = 5e-4  # metres: parts may be slightly rotated on their drawings
     room = [(a - 2 * options.gap - slack, b - 2 * options.gap - slack) for a, b in options.stock]
     if min(min(size) for size in room) <= 0:
-        raise PatternError("workshop.gap leaves no room on the smallest stock; give a smaller gap or larger sheets")
+        raise PatternError(
+            "workshop.gap leaves no room for parts on the smallest sheet of the stock; give a smaller gap or larger "
+            "sheets"
+        )
     return room
 
 
 def _route_by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up: Floats) -> ConstructionRoute:
     worst, layers_text = max(limits.bending, limits.shape), f"layers of {length(limits.thickness)} of strips"
     if not limits.limit:
-        reason = f"{layers_text} would be bent to {worst:.2%}, and the limit of the material is not known"
+        reason = f"{layers_text} would be bent to a strain of {worst:.2%}, and the limit of the material is not known"
         return ConstructionRoute("strips", reason)
     if worst <= limits.limit:
-        return ConstructionRoute("strips", f"{layers_text} can be bent: strain {worst:.2%}, allowed {limits.limit:.2%}")
+        return ConstructionRoute(
+            "strips", f"{layers_text} can be bent: the strain is {worst:.2%}, and {limits.limit:.2%} is allowed"
+        )
     problem = (
         f"{layers_text} would be bent or stretched to a strain of {worst:.2%}, {worst / limits.limit:.1f} times the "
-        f"strain that the material bears; the thickest strips that could be bent are {length(limits.thickest)}"
+        f"strain that the material bears; the largest thickness that can be bent is {length(limits.thickest)}"
     )
     bars, no_bars = _bars_or_reason(design, graph, up)
     if bars and not no_bars:
-        reason = f"{problem}; bars leave the surface by up to {length(bars.largest_sagitta)}"
+        reason = f"{problem}; bars are up to {length(bars.largest_sagitta)} from the surface"
         return ConstructionRoute("bars", reason, bars)
     planks, no_planks = _planks_or_reason(design, graph, up)
     if planks:
@@ -167,7 +175,7 @@ def _bars_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[Bar
         return None, f"bars are longer than the stock ({oversize.id} is {length(oversize.size[0])})"
     width = float(np.median([member.mean_width for member in graph.members if is_strip(member)]))
     sagitta = bars.largest_sagitta
-    deviation = f"bars would leave the surface by up to {length(sagitta)}, and members are {length(width)} wide"
+    deviation = f"bars would be up to {length(sagitta)} from the surface, but members are only {length(width)} wide"
     return bars, deviation if sagitta > 0.5 * width else ""
 
 
@@ -180,7 +188,7 @@ def _planks_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[P
 
 
 def longest_oversize_part(parts: Sequence[FlatPart], options: Workshop) -> FlatPart | None:
-    """Return the longest of the parts that fit on no stock sheet, or None."""
+    """Return the longest part that fits on no stock sheet; None if all parts fit."""
     room = [(a - 2 * options.gap, b - 2 * options.gap) for a, b in options.stock]
     if not options.grain:
         room += [(b, a) for a, b in room]
@@ -194,12 +202,12 @@ def node_normals(design: Design, graph: MemberGraph) -> Floats:
 
 
 JOINT_SENTENCES = {
-    "butt": "cut straight and butted: no joint is drawn; for a joint, set workshop.splice to 'fingers' or 'scarf'",
-    "fingers": "joined by fingers that are {} long and fit without a gap; a round cutter leaves round inner corners",
+    "butt": "with straight edges that meet without a joint; for a joint, set workshop.splice to 'fingers' or 'scarf'",
+    "fingers": "joined by fingers that are {} long and drawn without a gap; a round cutter leaves round inner corners",
     "scarf": "which overlap by {} and are glued there; cut bevels from the engraved lines to the edges: at right and "
     "upper edges on the engraved face, at left and lower edges on the back",
 }
-"""Words after "the sheet is in 2 x 3 pieces, ", by the joint of the pieces."""
+"""Ends of the sentence "the sheet is in 2 x 3 pieces, ...", by the kind of joint between the pieces."""
 TAB_CLEARANCE = 1e-4  # gap between a tab and its slot in a model's base plate, on each side (m)
 TABS_LENGTH = 4.0  # largest length that two tabs add to a strip, in strip thicknesses
 
@@ -207,13 +215,10 @@ TABS_LENGTH = 4.0  # largest length that two tabs add to a strip, in strip thick
 @dataclass(frozen=True, eq=False)
 class WorkshopPlan:
     """Parts of a design and the sheets from which the parts are cut.
-    route       : "strips", "planks", "bars", "panels" or "sheet".
-    thickness   : thickness of the stock, metres.
+    route : "strips", "planks", "bars", "panels" or "sheet".    thickness : thickness of the stock, metres.
     equal_parts : groups of part numbers; the parts of a group have equal shapes.
-    notes       : sentences for the builder.
-    graph       : members and nodes at built size; None for a flat sheet.
-    layering    : layers of strips; None for other routes.
-    model       : 50 for a model at 1:50; 0 for full size.
+    notes : sentences for the builder.    graph : members and nodes at built size; None for a flat sheet.
+    layering : layers of strips; None for other routes.    model : 50 for a model at 1:50; 0 for full size.
     bars, planks : plans of these two routes; None for other routes."""
 
     route: str
@@ -239,13 +244,12 @@ class WorkshopPlan:
 
     @property
     def used_share(self) -> float:
-        """Share of the sheets' area that becomes parts."""
+        """Fraction of the sheets' area that becomes parts."""
         return sum(part.area for part in self.parts) / sum(a * b for a, b in (sheet.size for sheet in self.sheets))
 
 
 def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
-    """Return the workshop plan of a design, from section [workshop] of its preset.
-    up : (3,) upward unit vector.
+    """Return the workshop plan of a design, from section [workshop] of its preset.    up : (3,) upward unit vector.
     If the stock has prices, the plan is the cheapest that dsfab finds.
     Raises PatternError if the route is impossible, a part fits on no sheet, or a library is missing."""
     if design.preset.workshop.nesting == "spyrrow":
@@ -266,7 +270,9 @@ def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
 def _plan_for_stock(design: Design, up: Floats) -> WorkshopPlan:
     options, surface = design.preset.workshop, design.sheet.surface
     if options.route == "sheet" and not surface.is_flat:
-        raise PatternError("workshop.route = 'sheet' is for flat designs; the design is curved: use 'strips' or 'bars'")
+        raise PatternError(
+            "workshop.route = 'sheet' is for flat designs; but this design is curved: use 'strips' or 'bars'"
+        )
     flat = options.route == "sheet" or (options.route == "auto" and surface.is_flat)
     if options.splice == "fingers" and not flat:
         raise PatternError("workshop.splice = 'fingers' is for flat sheets, not for members; use 'cover' or 'scarf'")
@@ -353,7 +359,7 @@ def _flat_design_parts(design: Design, room: list[tuple[float, float]]) -> tuple
     extra_parts = len(division.pieces) - along * across
     notes = [f"the sheet is in {along} x {across} pieces, {JOINT_SENTENCES[joint.kind].format(length(joint.reach))}"]
     if extra_parts > 0:
-        notes.append(f"openings divide some of these pieces, which adds {_quantity(extra_parts, 'part')}")
+        notes.append(f"openings divide some of these pieces, which makes {_quantity(extra_parts, 'part')} more")
     return list(division.pieces), notes
 
 
@@ -374,10 +380,13 @@ def _curved_design_parts(
     below, missed_nodes = layering.layer_height(layering.plate_layer), {node for node, _ in strips.missed_nodes}
     plates = plate_parts(graph, discs, node_normals(design, graph), below, layering.bolt, missed_nodes)
     if not strips.pieces and not plates:
-        raise PatternError("nothing of this design is a strip or a plate; build it as one piece, see `dsfab build`")
+        raise PatternError("this design has no strips and no plates; build the design as one piece, see `dsfab build`")
     lines = model_notes(limits, graph, options.model, options.bolt) if options.model else [*limits.lines]
     if edge < surface.mean_edge:
-        refined = f"the mesh is refined for exact holes: edges of {length(edge)} instead of {length(surface.mean_edge)}"
+        refined = (
+            f"dsfab refined the mesh for exact holes: edges are {length(edge)} instead of {length(surface.mean_edge)} "
+            f"long"
+        )
         lines = [*lines, f"{refined}, on a smooth surface"]
     notes = [*lines, *_plate_notes(plates), *_strip_notes(strips, graph, layering)]
     if options.splice == "scarf" and strips.splice_count:
@@ -423,8 +432,13 @@ NEARLY_EQUAL = 5e-3  # largest distance of near-equal outlines if workshop.alike
 def _alike_notes(parts: list[FlatPart], alike: list[FlatPart], distance: float) -> list[str]:
     before, after = len(equal_part_groups(parts)), len(equal_part_groups(alike))
     if distance:
-        return [f"{_quantity(len(parts), 'part')} with {after} shapes; workshop.alike = 0 would give {before} shapes"]
-    fewer = f"; workshop.alike = {NEARLY_EQUAL:g} leaves {after} shapes or fewer" if after < before else ""
+        return [
+            f"{_quantity(len(parts), 'part')} with {after} different shapes; workshop.alike = 0 would give {before} "
+            f"different shapes"
+        ]
+    fewer = (
+        f"; workshop.alike = {NEARLY_EQUAL:g} would leave at most {after} different shapes" if after < before else ""
+    )
     return [f"{_quantity(len(parts), 'part')} of {_quantity(before, 'shape')}{fewer}"]
 
 
@@ -440,19 +454,28 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
     notes = []
     if strips.shortened:
         number, missed = len(strips.shortened), _quantity(len(strips.missed_nodes), "node")
-        singular = "1 strip stops before its ends, where it would run into other strips of its layer or curl up"
-        plural = f"{number} strips stop before their ends, where they would run into others of their layer or curl up"
+        singular = (
+            "1 strip stops before its ends, because the strip would meet other strips of the same layer or curl up"
+        )
+        plural = (
+            f"{number} strips stop before their ends, because these strips would meet other strips of the same layer "
+            f"or curl up"
+        )
         reason = singular if number == 1 else plural
         notes.append(f"{reason}: {names_and_count(strips.shortened)}; this leaves {missed} unreached")
     if strips.vanished:
-        notes.append(f"NOT BUILT, because other strips of the layer are in the way: {names_and_count(strips.vanished)}")
+        notes.append(
+            f"NOT BUILT, because other strips of the same layer are in the way: {names_and_count(strips.vanished)}"
+        )
     if strips.splices_near_nodes:
         splices = f"{strips.splices_near_nodes} of {strips.splice_count} splices"
-        notes.append(f"{splices} are too close to a node: the cover plate or lap may overlap the crossing strip")
+        notes.append(
+            f"{splices} are too close to a node: the cover plate or the lapped joint may overlap the crossing strip"
+        )
     if strips.missing_holes:
         holes = _quantity(len(strips.missing_holes), "hole")
         places = list(dict.fromkeys(strips.missing_holes))  # bolts of one splice share a name
-        notes.append(f"{holes} not drilled, too near to an edge: {names_and_count(places)}")
+        notes.append(f"{holes} not drilled, because the distance to an edge is too small: {names_and_count(places)}")
     families = {member.id: member.family for member in graph.members}
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
     packed = Counter(layering.packing_layers(node, families) for node in nodes)
@@ -463,7 +486,10 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
     ]
     level = sum(families[node.members[0]] == families[node.members[1]] for node in nodes)
     if level:
-        notes.append(f"at {_quantity(level, 'node')}, members of one layer meet: notch or butt these members")
+        notes.append(
+            f"at {_quantity(level, 'node')}, members of the same layer meet: notch these members, or let one end at "
+            f"the other"
+        )
     fills = sum(member.kind == "fill" for member in graph.members)
     return [*notes, f"{_quantity(fills, 'filled corner')} left open"] if fills else notes
 

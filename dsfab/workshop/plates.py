@@ -83,7 +83,7 @@ def _flat_plate(
 
 @dataclass(frozen=True, eq=False)
 class FlattenedMesh:
-    """Triangles F (m, 3), points V (n, 3) in space, and places U (n, 2) of the points in the plane (m)."""
+    """Triangles F (m, 3), their vertices V (n, 3) in space, and the flattened vertices U (n, 2) in the plane (m)."""
 
     V: Floats
     F: Ints
@@ -120,7 +120,7 @@ class FlattenedMesh:
         return sorted(loops, key=lambda loop: -abs(polygon_area(loop)))
 
     def flat_point(self, point: Floats) -> Floats:
-        """Return the flattened place (2,) of the mesh point nearest to a point (3,)."""
+        """Return the position (2,) in the plane of the mesh point that is nearest to a point (3,) in space."""
         projection = nearest_places(point[None], self.V, self.F)
         face = self.F[projection.simplex]
         return np.asarray((weights_at(projection.place, self.V, face) @ self.U[face[0]])[0])
@@ -128,7 +128,7 @@ class FlattenedMesh:
 
 FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0  # length and approximate width of a finger, in sheet thicknesses
 REASSIGN_ROUNDS, LEAST_FINGERS = 4, 4.0
-"""Rounds in which small bits of a piece join a neighbouring piece; area below which bits are small, in finger areas."""
+"""Small bits of a piece join a neighbouring piece: number of rounds; area of the largest small bit, in finger areas."""
 LINE_TOLERANCE = 1e-9  # largest distance of a mesh edge from the line that divides the sheet, divided by sheet size
 
 
@@ -145,14 +145,14 @@ class SheetJoint:
         return {"fingers": FINGER_LENGTH, "scarf": SCARF_SLOPE}.get(self.kind, 0.0) * self.thickness
 
     def count(self, size: float, room: float) -> int:
-        """Return the number of pieces for a length `size`, if the stock has the length `room` (m).
+        """Return the number of pieces of a sheet with the length `size` (m), for stock of the length `room` (m).
         Raises PatternError if the joints are too long for the stock."""
         if size <= room:
             return 1
         if room <= 2 * self.reach:
             raise PatternError(
-                f"joints of a flat sheet are {length(self.reach)} long, too long for stock with room for parts of "
-                f"{length(room)}: give larger sheets in workshop.stock, or workshop.splice = 'none'"
+                f"joints of a flat sheet are {length(self.reach)} long, too long for sheets of the stock, which have "
+                f"room for parts of {length(room)}: give larger sheets in workshop.stock, or workshop.splice = 'none'"
             )
         return int(np.ceil(size / (room - self.reach)))
 
@@ -171,7 +171,7 @@ def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJ
     x = plane_coordinates(surface)
     level = Surface(np.pad(x - x.min(axis=0), ((0, 0), (0, 1))), surface.F)
     reduction = 0.0
-    for _ in range(4):  # try smaller rectangles, because a piece with a bit of its neighbour can be too large
+    for _ in range(4):  # a piece with a bit of its neighbour can be too large: try smaller rectangles
         division = _rectangles(level, [(a - reduction, b - reduction) for a, b in room], joint)
         turned = [*room, *((b, a) for a, b in room)]
         excesses = ((p, min(float(max(p.size[0] - a, p.size[1] - b)) for a, b in turned)) for p in division.pieces)
@@ -180,8 +180,8 @@ def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJ
             return division
         reduction += excess
     raise PatternError(
-        f"piece {part.id} of the flat sheet is {length(part.size[0])} x {length(part.size[1])} with its joints, and "
-        "fits on no sheet: give larger sheets in workshop.stock, or workshop.splice = 'none'"
+        f"piece {part.id} of the flat sheet is {length(part.size[0])} x {length(part.size[1])} together with its "
+        f"joints, and fits on no sheet: give larger sheets in workshop.stock, or workshop.splice = 'none'"
     )
 
 
@@ -231,7 +231,7 @@ class _SheetGrid:
         return np.asarray(numbers[0] * self.counts[1] + numbers[1])
 
     def inside(self, places: Floats, which: tuple[int, int], margin: float) -> Bools:
-        """Return a mask (m,) of places (m, 3) in the piece `which`, with `margin` metres beyond the joints."""
+        """Return a mask (m,) of the points (m, 3) in the piece `which`, or up to `margin` metres beyond its joints."""
         is_inside = np.ones(len(places), dtype=bool)
         for axis in (0, 1):
             ends = np.concatenate([[-np.inf], self.joints(axis), [np.inf]])[which[axis] : which[axis] + 2]
@@ -239,7 +239,7 @@ class _SheetGrid:
         return is_inside
 
     def bevels(self, which: tuple[int, int]) -> list[tuple[int, float]]:
-        """Return where scarf bevels of piece `which` begin: axis (0: along, 1: across) and place (m)."""
+        """Return the lines where scarf bevels of piece `which` begin: axis (0: along, 1: across), coordinate (m)."""
         if self.joint.kind != "scarf":
             return []
         half = self.joint.reach / 2

@@ -24,15 +24,16 @@ class Cuts:
 
 
 def box_fits(outline: Floats, along: Floats, room: Sequence[tuple[float, float]]) -> bool:
-    """Return True if points (k, 2) fit into a rectangle of `room` along `along` (2,)."""
+    """Return True if points (k, 2) fit into a rectangle with sides parallel to a vector `along` (2,).
+    room : lengths and widths of the rectangles, metres."""
     direction = along / np.linalg.norm(along)
     a, b = float(np.ptp(outline @ direction)), float(np.ptp(outline @ [-direction[1], direction[0]]))
     return any((a <= x and b <= y) or (b <= x and a <= y) for x, y in room)
 
 
 def fits_stock(outline: Floats, along: Floats, room: Sequence[tuple[float, float]]) -> bool:
-    """Return True if the outline (k, 2) of a strip fits into a rectangle of `room`.
-    along : (2,) direction of the strip."""
+    """Return True if the outline (k, 2) of a strip fits into a rectangle, and turns by at most 180 degrees.
+    along : (2,) direction of the strip.    room : lengths and widths of the rectangles, metres."""
     k = len(outline) // 2
     turns = np.unwrap(np.arctan2(*np.diff(outline[:k], axis=0).T[::-1]))
     return bool(np.ptp(turns) <= np.pi and polygon_area(outline) > 0) and box_fits(outline, along, room)
@@ -93,7 +94,7 @@ def _middle_of_bay(nodes: Floats, least: float, limit: float) -> float:
 def lapped_span(
     span: tuple[float, float], strip_span: tuple[float, float], lap: float, closed: bool
 ) -> tuple[float, float]:
-    """Return the `span` of a piece, made longer by `lap` metres at each splice."""
+    """Return the arc lengths `span` of a piece's ends, with `lap` metres added at each end that is a splice."""
     begin = span[0] - lap if closed or span[0] > strip_span[0] else span[0]
     return begin, span[1] + lap if closed or span[1] < strip_span[1] else span[1]
 
@@ -101,8 +102,8 @@ def lapped_span(
 def scarf_line(splices: int, lap: float) -> str:
     """Return a sentence on scarf joints."""
     return (
-        f"{splices} splices are glued: pieces overlap by {length(lap)} and are bevelled 1 to {SCARF_SLOPE:g}; the text "
-        "BEVEL marks bevels of the engraved face, and BEVEL BACK marks bevels of the back"
+        f"{splices} splices are glued: pieces overlap by {length(lap)} and are bevelled 1 to {SCARF_SLOPE:g}; the "
+        f"text BEVEL marks bevels on the engraved face, and BEVEL BACK marks bevels on the back"
     )
 
 

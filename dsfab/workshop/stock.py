@@ -15,7 +15,7 @@ from dsfab.workshop.parts import FlatPart
 
 
 def stock_choices(options: Workshop) -> list[Workshop]:
-    """Return the options and, with prices, variants without the longer sheets."""
+    """Return the options, then variants without the longest stock sheets; no variants without prices."""
     lengths = sorted({size[0] for size in options.stock}, reverse=True) if options.prices else []
     choices = [options]
     for longest in lengths[1:]:
@@ -40,15 +40,15 @@ def stock_words(sheets: Sequence[NestedSheet]) -> str:
 
 
 def price_notes(sheets: Sequence[NestedSheet], alternatives: Sequence[tuple[Workshop, float]]) -> list[str]:
-    """Return notes on the cost of the sheets and of other stock; empty without prices.
-    alternatives : options with other stock sizes, and cost of the sheets for these options."""
+    """Return notes on the cost of the sheets, and on the cost with different stock sizes; empty without prices.
+    alternatives : options with different stock sizes, and the cost of all sheets for these options."""
     cost = stock_cost(sheets)
     if not cost:
         return []
     notes = [f"sheets cost {money(cost)} together: {stock_words(sheets)}"]
     for options, other_cost in alternatives:
         longest = max(options.stock)
-        notes.append(f"stock with sheets up to {size_words(longest)} would cost {money(other_cost)} in total")
+        notes.append(f"a stock with sheets up to {size_words(longest)} would cost {money(other_cost)} in total")
     return notes
 
 
@@ -78,7 +78,7 @@ def sheet_hints(
 
 
 def narrow_strip(part: FlatPart, share: float) -> FlatPart:
-    """Return a strip with `share` times the width. Other parts do not change."""
+    """Return a strip with its width multiplied by `share`. Parts that are no strips do not change."""
     if not _is_strip(part):
         return part
     outline = part.outline
@@ -114,8 +114,8 @@ def _narrower_hint(
         if trial is not None:
             how = f"{length(new_width)} wide instead of {length(width)}" if alike else f"{1 - share:.0%} narrower"
             needed = count_phrase(len(trial), "sheet")
-            advice = "change [pattern.width], and build the design again"
-            yield f"with strips {how}, the parts would need {needed} instead of {len(sheets)}; {advice}"
+            advice = "change the keys in [pattern.width], and build the design again"
+            yield f"if strips were {how}, the parts would need {needed} instead of {len(sheets)}; {advice}"
             return
 
 
@@ -131,8 +131,8 @@ def _larger_hint(
         if trial is not None:
             needed = count_phrase(len(trial), "sheet")
             yield (
-                f"stock of {size[0]:.4g} x {size[1]:.4g} m would need {needed} instead of {len(sheets)}, "
-                f"{1 - _sheets_area(trial) / _sheets_area(sheets):.0%} less of it"
+                f"a stock of {size[0]:.4g} x {size[1]:.4g} m sheets would need {needed} instead of {len(sheets)}, "
+                f"with {1 - _sheets_area(trial) / _sheets_area(sheets):.0%} less area of material"
             )
             return
 

@@ -36,7 +36,7 @@ class StripParts:
     """Flat parts of all strips, and cover plates of splices.
     missing_holes : nodes without a hole in a part, "N003 in A07".
     splices_near_nodes : number of splices that are too close to a node.
-    shortened     : members that stop before another member of the same layer.
+    shortened     : members that stop early, because of a collision in their layer, or a sharp turn at an end.
     vanished      : members that are not built, because they would be shorter than wide.
     missed_nodes  : (node, member) names of nodes that a shortened member does not reach.
     feet          : pairs of a part's name and the foot on the base plate."""
@@ -280,23 +280,27 @@ class StripLimits:
         """Sentences about the strips and the limits."""
         lines = []
         layers = f"layers of {length(self.thickness)}"
-        bending_text = f"{layers} are bent to a strain of {self.bending:.2%} (most in {self.member})"
+        bending_text = f"{layers} are bent to a strain of up to {self.bending:.2%} (largest in {self.member})"
         if not self.limit:
             lines.append(f"{bending_text}; name a material or set statics.strength for a limit")
         elif self.bending > self.limit:
             lines.append(
-                f"NOT POSSIBLE: {bending_text}, {self.bending / self.limit:.1f} times the allowed {self.limit:.2%}; "
-                f"the thickest layer that can be bent is {length(self.thickest)}: set "
+                f"NOT POSSIBLE: {bending_text}, {self.bending / self.limit:.1f} times the allowed strain of "
+                f"{self.limit:.2%}; the thickest layer that can be bent is {length(self.thickest)} thick: set "
                 f"workshop.thickness to {np.floor(1e4 * self.thickest) / 1e4:g} or less"
             )
         else:
-            lines.append(f"{bending_text}; allowed: {self.limit:.2%}; layers up to {length(self.thickest)} can be bent")
+            lines.append(
+                f"{bending_text}; the allowed strain is {self.limit:.2%}; layers up to {length(self.thickest)} thick "
+                f"can be bent"
+            )
         if self.shape >= LEAST_STRAIN:
-            lines.append(f"the curvature of the surface stretches strips by up to {self.shape:.3%}")
+            lines.append(f"the double curvature of the surface stretches strips by up to {self.shape:.3%}")
         if self.edge > self.wanted_edge * 1.05:
             lines.append(
-                f"NOT TO DRILL FROM: the mesh is too coarse with edges of {length(self.edge)}, so that holes may be "
-                f"{length(HOLE_FIT * (self.edge / self.wanted_edge) ** 2)} off; set surface.edge to "
+                f"NOT TO DRILL FROM: the mesh with edges of {length(self.edge)} is too coarse, so holes may be "
+                f"{length(HOLE_FIT * (self.edge / self.wanted_edge) ** 2)} from their right places; set surface.edge "
+                f"to "
                 f"{self.wanted_edge:.2g} or less"
             )
         return tuple(lines)

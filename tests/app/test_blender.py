@@ -63,7 +63,7 @@ def test_the_add_on_calls_dsfab_build_with_the_given_settings(addon):
 def test_the_add_on_reduces_an_error_of_dsfab_to_one_sentence(addon):
     assert addon.failure_sentence(1, "a warning\ndsfab: statics.thickness = -1: no\n") == "statics.thickness = -1: no"
     assert addon.failure_sentence(1, "python: No module named dsfab") == (
-        "this Python has no dsfab; name another one in the preferences of the add-on"
+        "this Python has no dsfab; name another Python in the preferences of the add-on"
     )
     assert addon.failure_sentence(-9, "") == "dsfab ended with -9: no word"
 

@@ -27,7 +27,7 @@ def test_the_first_line_tells_whether_and_why():
     weak = judged(1.5, faults=("the load on A07 is 150% of its resistance",))
     assert verdict_line("roof", weak) == "roof DOES NOT CARRY its loads: the load on A07 is 150% of its resistance"
     assert "--set statics.thickness=0.075" in cure_line(weak)
-    assert "no thickness of the stock suffices" in cure_line(weak, is_sized=True)
+    assert "no thickness of the available sheets suffices" in cure_line(weak, is_sized=True)
     assert cure_line(judged()) == ""
     assert verdict_line("bob", Carrying(1.0, 1.0, remarks=("no strength",))) == "bob is not judged: no strength"
 
@@ -65,7 +65,7 @@ def test_a_short_table_has_the_worst_case_of_the_largest_supports():
     lines = reaction_lines(rows)
     assert len(lines) == 8
     assert [line.split()[1:3] for line in lines[1:3]] == [["9", "b"], ["8", "b"]]
-    assert lines[-1] == "and 3 more supports, in design.json"
+    assert lines[-1] == "and 3 more supports: see design.json"
     assert len(reaction_lines(rows, every=True)) == 19
 
 
@@ -76,7 +76,7 @@ def test_a_page_keeps_to_its_lines_and_says_how_many_are_left_out(capsys):
     said = capsys.readouterr().out.splitlines()
     assert len(said) == LINES
     assert said[12] == "you should know:"
-    assert said[-1] == f"  and {30 - (LINES - 14)} more: --verbose, or design.json"
+    assert said[-1] == f"  and {30 - (LINES - 14)} more lines: see them with --verbose, or in design.json"
 
 
 def test_a_structure_that_does_not_carry_is_written_and_ends_with_5(capsys, tmp_path):

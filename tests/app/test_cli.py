@@ -191,12 +191,15 @@ def test_a_mistake_of_ours_is_a_sentence_a_file_and_code_70(capsys, tmp_path, mo
     monkeypatch.setattr("dsfab.core.toml_files.shipped_presets", broken)
     line = refused(capsys, "presets", code=70)
     (log,) = tmp_path.iterdir()
-    assert line == f"dsfab: dsfab made a mistake, and nothing was written; please report it with the details in {log}"
+    assert (
+        line
+        == f"dsfab: dsfab made a mistake, and nothing was written; please report the mistake, with the details in {log}"
+    )
     text = log.read_text()
     assert "arguments: ['presets']" in text
     assert "KeyError: 'vertex'" in text
     monkeypatch.setattr("tempfile.mkstemp", lambda **_: (_ for _ in ()).throw(PermissionError()))
-    assert refused(capsys, "presets", code=70).endswith("(KeyError; the details could not be written)")
+    assert refused(capsys, "presets", code=70).endswith("(KeyError; the file with the details could not be written)")
 
 
 @pytest.mark.slow

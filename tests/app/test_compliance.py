@@ -206,7 +206,10 @@ def test_pdf_says_the_same_as_html(told, read):
 def test_sections_follow_each_other_on_pages(told):
     """Of a funicular's report pages 2, 5 and 8 of 13 held one table each."""
     pages = pdf_pages((told / "report.pdf").read_bytes())
-    for table, title in (("Key results", "Checks"), ("Load cases, the governing one first", "Other structures")):
+    for table, title in (
+        ("Key results", "Checks"),
+        ("Load cases; the governing load case is first", "Other structures"),
+    ):
         (page,) = (page for page in pages if table in page)
         assert title in page
     assert all(len(page.split()) > 60 for page in pages[:-1])
@@ -316,7 +319,8 @@ def test_a_stiffer_thinner_sheet_is_reported_at_all_volumes(drafted, compared):
     # one solve on the mesh of a whole sheet may be off by half: that decides nothing
     rough = [(0.7, compare_at(drafted, 0.7, ("thinner",)))]
     assert thinner_sheet_words(replace(found, volumes=rough)).startswith(
-        "At 70% of the material the error bounds of the design and the thinner sheet overlap"
+        "At 70% of the material, the error bounds of the design and of the thinner sheet overlap, so either may be "
+        "stiffer."
     )
     stiff = replace(
         at[1][1], design=replace(at[1][1].design, judgement=replace(compared.design.judgement, compliance=1e-9))
@@ -428,7 +432,7 @@ def test_the_report_of_a_failing_design_gives_the_reason(tmp_path, capsys, monke
     (tmp_path / "lost.toml").write_text(preset_toml(load_preset("cantilever", LOST)), encoding="utf-8")
     out = tmp_path / "out"
     assert main(["compare", str(tmp_path / "lost.toml"), "--against", "thinner", "-o", str(out)]) == 5
-    why = "stands on a piece that reaches no support"
+    why = "acts on a piece of material that is not connected to a support"
     captured = capsys.readouterr().out
     assert captured.count(why) == 1
     assert "fail: the design does not carry its loads" in captured
@@ -467,7 +471,7 @@ def test_a_competitor_that_is_a_mechanism_or_has_no_cut_fails_with_a_reason(tmp_
     write_report(found, [], tmp_path)
     _, text = read_page(tmp_path)
     assert ("The sheet is a mechanism: it turns about a hinge." in text) == drawn
-    assert ("1 of 2 pieces reach no support" in text) != drawn
+    assert ("1 of 2 pieces of material reach no support" in text) != drawn
 
 
 @pytest.mark.parametrize(

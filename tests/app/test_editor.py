@@ -94,7 +94,7 @@ def test_the_page_names_no_file_here(tmp_path):
     with pytest.raises(PresetError, match=r"surface\.file"):
         now.preset_with({"surface": {"file": "/etc/passwd", "support": [], "load": []}})
     text = now.toml({}).replace('shape = "dome"', 'file = "/etc/hostname"')
-    with pytest.raises(PresetError, match="drop that file"):
+    with pytest.raises(PresetError, match="drop the mesh file"):
         now.open_toml(text)
     with pytest.raises(PresetError, match="no preset"):
         opened_shipped("../presets/dome")
@@ -329,7 +329,7 @@ def test_a_page_that_begins_gets_a_sketch_until_the_widths_are_solved(answers, m
         first = session.ask_solve({})
         sketch, _ = unpacked(session.first_model())
         assert (sketch["whole"], session.jobs.pending(first)) == (True, True)
-        with pytest.raises(DsfabError, match="has no solution yet"):
+        with pytest.raises(DsfabError, match="has not solved the design yet"):
             session.ask_members(judged=False)
         goes_on.set()
         wait(session.jobs, first)

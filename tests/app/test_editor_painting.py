@@ -24,7 +24,7 @@ def test_the_page_names_no_drawing_here(tmp_path):
         {"surface.support": [{"at": DRAWN}]},
         {"surface.load.1.at": DRAWN},
     ):
-        with pytest.raises(PresetError, match="hostname: the page cannot add a drawing"):
+        with pytest.raises(PresetError, match="the page cannot add the drawing hostname"):
             now.preset_with(changes)
     drawn = 'region = [{ at = { pick = "curve", file = "/etc/hostname" }, do = "void" }]'
     text = now.toml({}).replace("region = []", drawn)

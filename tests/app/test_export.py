@@ -142,7 +142,7 @@ def test_a_build_tells_wrong_formats_once_as_an_export_does(formats, words, caps
         (["roof", "--to", "calculix"], "preset roof needs your mesh: add --mesh FILE"),
         ([DOME_MODES, "--to", "calculix", "--set", "surface.support.0.hold='z'"], "the supports do not prevent this"),
         (["dome", "--to", "calculix", "--set", "statics.thickness=0"], "statics.thickness"),
-        ([DOME_MODES, *DOME, "--to", "calculix", "-o", "file/dome.inp"], "a file has the name of the folder"),
+        ([DOME_MODES, *DOME, "--to", "calculix", "-o", "file/dome.inp"], "a file already has the name of this folder"),
     ],
 )  # fmt: skip
 def test_invalid_export_options_are_refused_in_one_sentence(arguments, words, capsys, tmp_path, monkeypatch):
@@ -200,7 +200,7 @@ def test_cases_combinations_springs_and_clamped_edges_go_along(tmp_path):
         assert theirs.energy == pytest.approx((ours.compliance - springs) / 2, rel=0.01), name
         assert theirs.u[: len(ours.u), 2] == pytest.approx(ours.u[:, 2], abs=0.01 * np.abs(ours.u[:, 2]).max())
     top = "\n".join(check.model.notes)
-    assert "support 2 stands on springs with a total stiffness of (0, 0, 200000) N/m" in top
+    assert "support 2 has springs with a total stiffness of (0, 0, 200000) N/m" in top
     assert "support 1 is clamped" in top
     assert "SUPPORT_2" not in top
 

@@ -67,7 +67,7 @@ def test_shapes_are_exaggerated_to_a_share_of_the_size(dome):
     factor = np.linalg.norm(moved.V - V, axis=1).max() / np.linalg.norm(u, axis=1).max()
     assert np.allclose(moved.V - V, factor * u)
     assert 0.4 * EXAGGERATION < np.linalg.norm(moved.V - V, axis=1).max() / size <= EXAGGERATION
-    assert f"drawn {factor:,.0f} x" in moved.words
+    assert f"drawn {factor:,.0f} times as large" in moved.words
     for show in ("buckling", "frequency"):
         mode = answer_colouring(dome, show)
         assert np.linalg.norm(mode.V - V, axis=1).max() == pytest.approx(EXAGGERATION * size)
@@ -88,7 +88,11 @@ def test_a_field_that_was_not_computed_is_refused_with_the_key_to_set(dome):
     assert preset_with_mode(dome.preset, "buckling") is dome.preset
     assert preset_with_mode(plain.preset, "vonmises") is plain.preset
     light = draft(load_preset("cantilever", {"surface.edge": 0.1, "statics.density": 0.0, "statics.frequencies": 1}))
-    with pytest.raises(DsfabError, match=r"no mode shape of frequency: no natural frequencies: .* a density"):
+    with pytest.raises(
+        DsfabError,
+        match=r"no mode shape of frequency was computed: no natural frequencies: .* a "
+        r"density",
+    ):
         answer_colouring(light, "frequency")
 
 
@@ -137,7 +141,7 @@ def test_directions_of_combined_cases_have_no_sign():
     assert colours == {PAPER.tints[0], PAPER.tints[1]}
     told = face_colouring(vault, "directions", PAPER)
     assert told.bar is None
-    assert "combined cases: red bars" in told.words
+    assert "combined load cases: red bars" in told.words
     dome = draft(load_preset(DOME_MODES, {"surface.edge": 0.9}))
     assert {tuple(row) for row in crosses(dome, PAPER).colour.tolist()} == {PAPER.tension, PAPER.compression}
     assert face_colouring(dome, "directions", PAPER).bar is not None

@@ -246,7 +246,7 @@ def test_the_final_picture_is_the_same_with_and_without_a_first_picture(monkeypa
 @pytest.mark.parametrize(
     ("show", "width", "said"),
     [
-        ("structure", {"solid_fraction": 0.4}, "first picture, widths of members are approximate"),
+        ("structure", {"solid_fraction": 0.4}, "first picture, the widths of members in this sketch are approximate"),
         ("structure", {}, "first picture"),
         ("major_mode", {"solid_fraction": 0.4}, "first picture, major mode"),
     ],

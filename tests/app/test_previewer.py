@@ -145,7 +145,7 @@ def test_a_shader_that_does_not_work_is_never_drawn(
     monkeypatch.setattr(shader.ShaderProgram, "fragment", lambda self: broken)
     with pytest.raises(DsfabError, match="does not run the preview's shader") as refusal:
         Previewer(dome)
-    assert "pixels where" in str(refusal.value), name
+    assert "pixels of a surface" in str(refusal.value), name
 
 
 def test_a_wrong_shader_language_is_found_by_its_pixels(

@@ -128,7 +128,8 @@ def test_preview_shows_the_built_design_or_the_uncut_design_if_no_cut_is_possibl
     monkeypatch.setattr(Design, "until", uncut)
     capsys.readouterr()
     assert main(words(path)) == 0
-    assert "shows the uncut pattern, because cutting failed: a piece reaches no support" in capsys.readouterr().err
+    why = "because dsfab could not cut the sheet: a piece reaches no support"
+    assert f"shows the uncut sheet with its pattern, {why}" in capsys.readouterr().err
     assert not np.array_equal(np.asarray(Image.open(path)), shown)
 
 

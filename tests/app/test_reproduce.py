@@ -143,7 +143,7 @@ def test_the_page_shows_each_figure_in_three_renditions_with_measures_and_comman
     assert f"Measured, again by {command}" in page.text
     assert page.text.count(f"Again by {command}") == 2  # of each of these figures the paper draws two comparisons
     assert f"<code>dsfab build {name} --set surface.edge=" in page.text
-    assert "labelled by the sign of their stress" in page.text
+    assert "assigned by the sign of the stress" in page.text
     for way in ("letter", "stripes"):
         assert (folder / f"{name}-{way}-structure.webp").is_file()
 
@@ -175,7 +175,10 @@ def test_a_mesh_that_is_too_coarse_is_refined_and_reported(tmp_path, monkeypatch
     assert design.preset.surface.edge == pytest.approx(0.8**3 * 0.19)
     made = figures.FigurePictures(FIGURES[1], 1, 1, carried="all of it", coarser=1.5)
     text = page([made], PageFacts(2.0, "a machine"))
-    assert "Edges 2 times as long as in the preset lose details, so the factor is 1.5." in text
+    assert (
+        "Edges 2 times as long as in the preset would lose details of the surface, so this figure uses the factor 1.5."
+        in text
+    )
     assert "lose details" not in page([made], PageFacts(1.5, "a machine"))
     monkeypatch.setattr(figures, "draft", lambda *_: (_ for _ in ()).throw(SurfaceError("never")))
     with pytest.raises(SurfaceError, match="never"):
@@ -225,8 +228,8 @@ def test_a_mistake_is_refused_in_one_sentence(tmp_path, capsys, arguments, told)
 
 def test_the_page_describes_the_pieces_between_loads_and_supports():
     whole, loose, bare = Piece(1.0, True, True), Piece(0.5, False, True), Piece(0.2, True, False)
-    assert supports_text([whole, bare]) == "the loads reach the supports through one piece"
-    assert supports_text([whole, whole]) == "the loads reach the supports through 2 pieces"
+    assert supports_text([whole, bare]) == "all loads reach the supports through one piece"
+    assert supports_text([whole, whole]) == "all loads reach the supports through 2 pieces"
     assert supports_text([whole, loose]) == "1 of 2 pieces that carry a load reaches no support"
     assert supports_text([bare]) == "the load is spread, and all of it is supported"
     assert "1 of 2 pieces reaches no support" in supports_text([bare, Piece(0.1, False, False)])
@@ -258,7 +261,7 @@ def test_crosses_lie_along_the_principal_stresses(degrees):
 
 
 def test_without_anisotropy_there_are_no_directions():
-    with pytest.raises(DsfabError, match="no preferred directions to show, because r = 1"):
+    with pytest.raises(DsfabError, match="no directions to show, because r = 1"):
         crosses(stressed(grid(8, 8, 1.0, 1.0), 0.0, r=1.0), PAPER)
 
 
@@ -413,7 +416,7 @@ def test_the_claim_section_names_the_winner_and_unknown_results():
     assert '<td title="why"><i>20 ± 8 %</i></td>' in text
     assert "not carried" in text
     softer = claim_section(claim(("row", 0.04, 0.01, "pass"), ("thinner", 0.01, 0.01, "pass")))
-    assert "families labelled by stress sign against a thinner sheet: 4 times as soft at 50%." in softer
+    assert "families assigned by the sign of the stress against a thinner sheet: 4 times as soft at 50%." in softer
     assert "one solve on the cut mesh" in claim_section(claim(("design", 0.004, 0.05, "unknown")))
 
 
@@ -460,7 +463,7 @@ def test_bob_is_edited_and_the_frames_are_counted(tmp_path, monkeypatch):
     pixels = [np.asarray(Image.open(tmp_path / one.file).convert("RGB"), float) for one in row]
     assert len(row) == 3
     assert min(np.abs(pixels[0] - other).mean() for other in pixels[1:]) > 1
-    assert re.search(r"[\d.]+ complete pictures a second, of 128 by 96 pixels", found.words)
+    assert re.search(r"[\d.]+ complete pictures per second, of 128 by 96 pixels", found.words)
     assert f"and {design.surface.m:,} triangles" in found.words
     ticks = iter(np.arange(1e3) / 40)
     monkeypatch.setattr(comparisons.time, "perf_counter", lambda: float(next(ticks)))

@@ -93,7 +93,7 @@ def test_the_folder_goes_on_and_can_be_extended(here, capsys):
     code, out, err = run(capsys, "s")
     assert (code, "4 runs: 4 done" in out) == (0, True)
     assert "4 done, 0 failed, 0 left" in err
-    assert "vary differ" in refused(capsys, "s", "--vary", "pattern.major.phase=0.0:0.6:7")
+    assert "different settings: vary" in refused(capsys, "s", "--vary", "pattern.major.phase=0.0:0.6:7")
     assert "7 runs: 7 done" in run(capsys, "s", "--vary", "pattern.major.phase=0.0:0.6:7", "--extend")[1]
     assert "leave out -o" in refused(capsys, "s", "-o", "t")
 
@@ -107,7 +107,7 @@ def test_missing_runs_are_listed_and_give_exit_code_3(here, capsys, monkeypatch)
     assert code == 3
     assert "4 runs: 2 done, 0 failed, 2 killed" in out
     assert "run 2 was killed: the worker was killed 2 times" in err
-    last = "dsfab: 2 of 4 runs are missing (killed: 2, 4); `dsfab sweep s` tries again"
+    last = "dsfab: 2 of 4 runs are missing (killed: 2, 4); `dsfab sweep s` tries these runs again"
     assert err.splitlines()[-1] == last
     assert run(capsys, "s", "--retry", "failed")[0] == 3, "the killed ones are still missing"
     monkeypatch.setattr("dsfab.study.sweeps.workers.LocalWorkers", crew(deadly()))
@@ -220,7 +220,7 @@ def test_refusals(what, here, capsys):
 def test_questions_that_a_sweep_cannot_answer(here, capsys):
     run(capsys, DOME_MODES, *COARSE, *PHASES, *CHEAP, "-o", "s", "--constraint", "pieces == 99")
     assert "s has no run 9; give a number from 1 to 4" in refused(capsys, "s", "--build", "9")
-    assert "has no values of 'mass'" in refused(capsys, "s", "--best", "1", "--by", "mass")
+    assert "has no values of the metric 'mass'" in refused(capsys, "s", "--best", "1", "--by", "mass")
     assert "s has no finished run with a value of kept_share that meets pieces == 99" in refused(
         capsys, "s", "--best", "1", "--by", "kept_share"
     )

@@ -32,7 +32,7 @@ def measure(name: str) -> None:
     for rounds in range(3):
         design = Design.from_preset(plain(name, rounds))
         joules = compliance(design)
-        told = [note.text for note in design.notes if note.text.startswith("directions follow")]
+        told = [note.text for note in design.notes if note.text.startswith("directions of stripes follow")]
         print(f"{name}, {rounds} rounds: {joules:.5g} J; {'; '.join(told)}", flush=True)
 
 

@@ -49,7 +49,7 @@ def notes(preset: dsfab.Preset) -> str:
 @pytest.mark.parametrize(("rise", "layers"), [(0.01, True), (0.014, False)])
 def test_the_pattern_follows_all_layers_if_bending_stores_half_of_the_energy(rise, layers):
     """Bending stores 59 % of the energy of the lower vault, and 43 % of that of the higher one."""
-    assert ("follows the stress of all layers" in notes(vault(rise, stress="auto"))) == layers
+    assert ("follows the stress in all layers" in notes(vault(rise, stress="auto"))) == layers
 
 
 @pytest.mark.parametrize(("number", "noted"), [(0.17, False), (0.23, True)])

@@ -159,11 +159,17 @@ def test_a_search_without_any_loaded_candidate_is_refused():
     refused = [candidate for candidate in found.candidates if candidate.refused]
     assert not found.candidates[0].refused
     assert found.candidates[-len(refused) :] == tuple(refused)
-    assert all("stands on a piece that reaches no support" in candidate.refused for candidate in refused)
+    assert all(
+        "acts on a piece of material that is not connected to a support" in candidate.refused for candidate in refused
+    )
     assert "refused" in choice_lines(found)[0]
     assert json.dumps(choice_facts(found)).count("refused") == len(refused)
     lost = with_overrides(preset, {"pattern.major.threshold": 0.95, "pattern.minor.threshold": 0.95})
-    with pytest.raises(PatternError, match=r"none of 8 combinations of modes and phases .* reaches no support; set"):
+    with pytest.raises(
+        PatternError,
+        match=r"none of 8 combinations of modes and phases .* is not connected to a "
+        r"support; set",
+    ):
         draft(lost)
 
 

@@ -201,7 +201,7 @@ def test_the_repr_of_a_design_has_five_lines(whole: Design) -> None:
     assert len(lines) == 5
     assert lines[0].startswith(f"Design {whole.preset.name}")
     assert f"{whole.solid.volume:.4g} m3" in lines[4]
-    assert "on first access" in repr(Design.from_preset(whole.preset))
+    assert "when you first read them" in repr(Design.from_preset(whole.preset))
     assert max(map(len, lines)) < 160
 
 

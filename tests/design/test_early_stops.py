@@ -230,7 +230,9 @@ def test_a_sheet_that_stands_on_one_vertex_is_not_cut():
     middle = int(np.linalg.norm(PLATE.V - [1, 0.25, 0], axis=1).argmin())
     supports = [Support(Vertices((middle,)), name="mast"), Support(Boundary(), spring=(10.0, 10.0, 10.0))]
     said = refusal(supports, [SelfWeight()])
-    assert said.startswith("100% of all reactions act on one vertex, at (1, 0.25, 0) m (mast), but a sheet cannot")
+    assert said.startswith(
+        "100% of the sum of all reactions acts on one vertex, at (1, 0.25, 0) m (mast), but a sheet cannot"
+    )
 
 
 def test_supports_at_one_or_two_points_that_carry_load_give_a_note():
@@ -268,15 +270,15 @@ def test_a_point_far_off_the_surface_holds_and_loads_nothing(what):
 
 
 @pytest.mark.parametrize(("load", "says"), [
-    (Snow(800.0, name="white"), "white is parallel to its faces, and puts 0."),
-    (Wind(800.0, (1, 0, 0)), "wind is parallel to its faces, and puts 0."),
+    (Snow(800.0, name="white"), "white acts parallel to its faces, and puts only 0."),
+    (Wind(800.0, (1, 0, 0)), "wind acts parallel to its faces, and puts only 0."),
 ])  # fmt: skip
 def test_snow_and_wind_that_run_along_every_face_act_on_nothing(load, says):
     rough = np.random.default_rng(0).normal(0, 1e-5, PLATE.n)
     wall = Surface(np.c_[PLATE.V[:, 0], rough, PLATE.V[:, 1]], PLATE.F)
     said = refusal([Support(Side("z", "min", 0.3))], [SelfWeight(), load], wall)
     assert said.startswith(says)
-    assert "on 1 m2: change its direction, or pick other faces" in said
+    assert "on 1 m2: change the direction of the load, or pick other faces" in said
 
 
 @pytest.mark.parametrize(("winds", "count"), [([1], 1), ([1, -1], 0)])
@@ -297,7 +299,7 @@ def test_snow_on_a_wall_counts_as_a_load_if_the_wall_leans_by_over_a_thousandth(
         surface=wall, supports=[Support(Side("z", "min", 0.3))], loads=[SelfWeight(), Snow(800.0)], statics=given
     )
     notes = Design.from_preset(preset).until("statics").notes
-    assert sum("snow is parallel to its faces" in note.text for note in notes) == count
+    assert sum("snow acts parallel to its faces" in note.text for note in notes) == count
 
 
 def test_a_load_on_supported_vertices_gives_a_note():
@@ -349,7 +351,7 @@ def test_the_editor_opens_a_preset_on_a_mesh_and_its_command_names_both(tmp_path
     assert opened.preset.surface.build().area == pytest.approx(8)
     words = ("roof", "--set", "statics.thickness=0.1", "--mesh", str(file), "--unit", "mm")
     assert opened.words == words
-    with pytest.raises(PresetError, match="are two meshes; give one of them"):
+    with pytest.raises(PresetError, match="name two meshes; leave one of the meshes out"):
         open_preset(str(file), Source(mesh=file))
 
 

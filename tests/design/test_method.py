@@ -38,8 +38,8 @@ def test_auto_lists_all_attempts_and_takes_the_best(chosen):
     assert {one.name for one in tried} >= {
         f"{way}, {rule}" for way in ("stripes", "modes") for rule in ("graded", "graded q 0.5")
     }
-    note = next(note.text for note in chosen.notes if note.text.startswith("method auto chose"))
-    assert note.startswith(f"method auto chose {tried[0].name}; ")
+    note = next(note.text for note in chosen.notes if note.text.startswith("pattern.method = 'auto' chose"))
+    assert note.startswith(f"pattern.method = 'auto' chose {tried[0].name}; ")
     assert any("stripes along optimal forces" in one.name for one in tried)
     assert all(f"{one.name} {one.over_uncut:.3g} x" in note for one in tried if not one.refused)
     found = [one.rank for one in tried]

@@ -206,7 +206,7 @@ def test_a_load_on_removed_material_gives_a_note():
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"pattern.major.mode": 9}, r"pattern\.major\.mode = 9, but only diffusion\.modes = 8"),
+        ({"pattern.major.mode": 9}, r"pattern\.major\.mode = 9, but dsfab computes only 8"),
         ({"pattern.major.threshold": 1.0, "pattern.minor.threshold": 1.0, "pattern.keep": 0.0}, "leaves no material"),
         ({"surface.support.0.hold": "z"}, "can move along"),
         ({"surface.support": []}, "no support"),
@@ -227,14 +227,14 @@ def test_designs_that_cannot_be_built_are_refused_with_a_sentence(changes, says)
 
 
 def test_a_coarse_mesh_gives_a_note_with_a_better_size(small):
-    assert any("coarse for r = 100" in note.text for note in small["dome"].notes)
+    assert any("coarse for the anisotropy r = 100" in note.text for note in small["dome"].notes)
     fine = dsfab.run(dsfab.load_preset(DOME_MODES, {**SMALL["dome"], "diffusion.r": 2.0}))
     assert not any("coarse" in note.text for note in fine.notes)
 
 
 def test_an_unusual_thickness_gives_a_note():
     thick = dsfab.run(dsfab.load_preset(DOME_MODES, {**SMALL["dome"], "statics.thickness": 2.0}))
-    assert any("statics need a size / thickness of about" in note.text for note in thick.notes)
+    assert any("statics need a ratio of size to thickness of about" in note.text for note in thick.notes)
 
 
 def test_a_load_that_bends_the_sheet_too_far_gives_a_note():

@@ -187,7 +187,7 @@ def test_needles_are_counted_and_the_worst_is_shown(tmp_path, monkeypatch):
     assert "needle" not in drafted(with_needles(0.01), tmp_path / "flat.obj")
     told = drafted(with_needles(0.002), tmp_path / "needles.obj")
     assert "20 of 200 triangles are needles" in told
-    worst = re.search(r"the worst, 0\.005 times, is around \[(\d\.\d+), (\d\.\d+), 0\.0\] m", told)
+    worst = re.search(r"the thinnest triangle, with 0\.005 times, is around \[(\d\.\d+), (\d\.\d+), 0\.0\] m", told)
     assert worst
     assert abs(float(worst[1]) - 0.6) < 0.003
     assert abs(float(worst[2]) - 1.0) < 0.21

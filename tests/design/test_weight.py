@@ -87,7 +87,7 @@ def test_a_round_draws_stripes_along_the_stress_of_the_lighter_sheet(vault):
     assert np.array_equal(found.phases[1].value, expected.phases[1].value)
     assert not np.array_equal(found.phases[1].value, vault.pattern.even.phases[1].value)
     assert np.array_equal(found.forces, expected.forces)  # what graded widths follow
-    told = [note.text for note in made.notes if note.text.startswith("directions follow")]
+    told = [note.text for note in made.notes if note.text.startswith("directions of stripes follow")]
     assert len(told) == 1
     assert f"{share @ vault.surface.areas / vault.surface.area:.0%} of the uncut sheet's weight" in told[0]
 
@@ -104,7 +104,10 @@ def test_without_weight_a_round_changes_nothing_and_says_so(vault):
     asked = vault.preset.model_copy(update={"surface": surface}).with_pattern(weight_rounds=2)
     made = dsfab.design.draft(asked)
     assert made.pattern.even.forces is None
-    assert any("weight_rounds = 2 changes nothing: no load is the sheet's own weight" in one.text for one in made.notes)
+    assert any(
+        "weight_rounds = 2 has no effect, because the sheet's own weight is not among the loads" in one.text
+        for one in made.notes
+    )
 
 
 @pytest.mark.parametrize(("after", "told"), [(0, "a second time"), (1, "a third time")])

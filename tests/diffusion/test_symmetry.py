@@ -114,7 +114,9 @@ def test_sectors_of_a_dome_keep_the_same_area(turns, tolerance):
     changes = DOME | {"diffusion.symmetry": [f"rot:{turns}:z"], "diffusion.modes": 3, "pattern.minor.mode": 2}
     design = dsfab.run(dsfab.load_preset(DOME_MODES, changes))
     assert np.abs(shares(design, turns) - 1).max() < tolerance
-    assert f"modes are symmetric (rot:{turns}:z, {turns} images)" in " ".join(note.text for note in design.notes)
+    assert f"modes have the symmetries rot:{turns}:z ({turns} images of each stripe)" in " ".join(
+        note.text for note in design.notes
+    )
 
 
 def test_a_bridge_is_the_same_left_and_right():
@@ -164,7 +166,9 @@ def test_supports_are_compared_by_place_and_by_direction():
     assert symmetry_of(plate, ["y"], one_side).order == 2
     rollers = LoadCase(load.fixed & [True, False, True], load.force, load.loaded)
     assert symmetry_of(plate, ["x", "y"], rollers).order == 4
-    with pytest.raises(PatternError, match="supports that hold only xz hold other axes after a turn or mirror"):
+    with pytest.raises(
+        PatternError, match="supports that hold only xz would hold other axes after the rotation or reflection"
+    ):
         symmetry_of(plate, ["rot:4:z"], rollers)
 
 
@@ -175,7 +179,7 @@ def test_unknown_words_are_refused(word):
 
 
 def test_too_large_a_group_is_refused():
-    with pytest.raises(PatternError, match="over 240 symmetries; list fewer"):
+    with pytest.raises(PatternError, match="over 240 symmetric images; list fewer"):
         symmetry_group(["rot:7:x", "rot:5:z"])
 
 

@@ -185,10 +185,10 @@ def test_the_same_model_gives_the_same_bytes_and_an_older_file_is_replaced(tmp_p
         ({"steps": {}}, "has no load step or no support"),
         ({"supports": {}}, "has no load step or no support"),
         ({"young": float("nan")}, "numbers that are not finite"),
-        ({"triangles": np.array([[0, 1, 2, 3, 4, 10**6]])}, "1 triangles have nodes"),
+        ({"triangles": np.array([[0, 1, 2, 3, 4, 10**6]])}, "1 triangles use node numbers"),
         (
             {"supports": {"my support": np.ones((len(pulled_strip().nodes), 3), dtype=bool)}},
-            "is impossible for a node set",
+            "is not valid for a node set",
         ),
         ({"nodes": np.random.default_rng(0).normal(size=pulled_strip().nodes.shape)}, "plane z = 0"),
     ],

@@ -101,7 +101,7 @@ def test_an_open_sheet_keeps_its_area(tmp_path, suffix):
 
 @pytest.mark.parametrize("suffix", [".3mf", ".step", ".stp"])
 def test_an_open_sheet_is_refused_by_formats_for_solids(tmp_path, suffix):
-    with pytest.raises(ExportError, match=f"a {suffix} file needs a closed solid.* thicken it first"):
+    with pytest.raises(ExportError, match=f"a {suffix} file needs a closed solid.* thicken the sheet first"):
         write(grid(2, 2, 1.0, 1.0), tmp_path / f"sheet{suffix}")
     assert not any(tmp_path.iterdir())
 
@@ -204,7 +204,10 @@ def test_a_failed_last_step_leaves_the_older_file(tmp_path, monkeypatch):
 def test_impossible_targets_are_refused_before_the_work(tmp_path, monkeypatch):
     monkeypatch.setattr(formats, "write_chunks", lambda *_: pytest.fail("the work was begun"))
     (tmp_path / "folder.step").mkdir()
-    for name, said in (("folder.step", "a folder has that name"), ("missing/a.step", "the folder does not exist")):
+    for name, said in (
+        ("folder.step", "a folder already has this name"),
+        ("missing/a.step", "the folder does not exist"),
+    ):
         with pytest.raises(ExportError, match=said):
             write(solid_box(), tmp_path / name)
     assert [path.name for path in tmp_path.iterdir()] == ["folder.step"]
@@ -216,8 +219,8 @@ def test_impossible_targets_are_refused_in_a_sentence(tmp_path):
     before = sorted(tmp_path.rglob("*"))
     for path, said in [
         (tmp_path / "missing" / "a.stl", "the folder does not exist; create it first"),
-        (tmp_path / "file" / "a.stl", "a file has the name of the folder"),
-        (tmp_path / "folder.stl", "a folder has that name"),
+        (tmp_path / "file" / "a.stl", "a file already has the name of this folder"),
+        (tmp_path / "folder.stl", "a folder already has this name"),
     ]:
         with pytest.raises(ExportError, match=said) as caught:
             write(solid_box(), path)
@@ -238,7 +241,7 @@ SPOILT = {
     "a triangle is missing": (lambda p: replace(p, F=p.F[1:]), "reads back with 11 triangles instead of 12"),
     "a triangle is turned": (lambda p: replace(p, F=np.r_[p.F[:1, ::-1], p.F[1:]]), "open at 3 edges"),
     "in metres": (lambda p: replace(p, V=p.V / 1000), "the bounding box"),
-    "moved": (lambda p: replace(p, V=p.V + [5, 0, 0]), "differs by 5 mm when read back"),
+    "moved": (lambda p: replace(p, V=p.V + [5, 0, 0]), "differs by 5 mm when the file is read back"),
     "dented": (lambda p: replace(p, V=np.r_[p.V[:1] + 4, p.V[1:]]), "volume"),
 }
 
@@ -303,7 +306,9 @@ def test_vertices_that_rounding_makes_equal_are_merged_and_the_file_stays_closed
 def test_a_shape_that_rounding_destroys_is_refused(tmp_path):
     tiny = solid_box(size=SIZE * 1e-4, corner=(5000.0, 0.0, 0.0))
     for suffix in (".stl", ".3mf", ".glb"):
-        with pytest.raises(ExportError, match=r"single precision, 8 vertices of .* coincide \(first: 0, 1, "):
+        with pytest.raises(
+            ExportError, match=r"single precision, 8 vertices of .* coincide after rounding \(first: 0, 1, "
+        ):
             write(tiny, tmp_path / f"a{suffix}")
     assert loaded(write(tiny, tmp_path / "a.ply")).volume == pytest.approx(tiny.volume * 1e9, rel=1e-3)
 

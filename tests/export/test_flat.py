@@ -40,7 +40,7 @@ def test_a_file_that_is_not_the_drawing_is_refused(tmp_path, old, new):
     path, content = tmp_path / "x.dxf", flat_dxf(DRAWING)
     assert old in content
     path.write_bytes(content.replace(old, new, 1))
-    with pytest.raises(ExportError, match="differs when read back"):
+    with pytest.raises(ExportError, match="differs when the file is read back"):
         check_flat_dxf(DRAWING, path)
 
 

@@ -65,7 +65,9 @@ def test_the_same_design_gives_the_same_bytes_and_another_is_refused(tmp_path, m
     form = FORMATS[suffix]
     few = replace(crooked(), points=crooked().points + 1e-3)
     monkeypatch.setitem(FORMATS, suffix, replace(form, encode=lambda part: iter([one])))
-    with pytest.raises(ExportError, match="the nodes of 'crooked' have other coordinates when read back; write saf"):
+    with pytest.raises(
+        ExportError, match="the nodes of 'crooked' have other coordinates when the file is read back; write saf"
+    ):
         written(few, tmp_path / f"y{suffix}")
     monkeypatch.setitem(FORMATS, suffix, replace(form, encode=lambda part: iter([one[: len(one) // 2]])))
     with pytest.raises(ExportError, match="reads back with"):

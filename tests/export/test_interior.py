@@ -61,8 +61,10 @@ def test_weights_are_inside_of_a_cell_and_different():
 def test_a_file_that_is_too_far_off_is_tried_once_more_with_finer_faces(monkeypatch):
     given = cylinder_strip()
     part, _, _ = draft_of(given, striped(given))
-    tried, volume = [], ExportError("the volume of step = 'members' differs by 2.1%")
-    complaints = iter([build.RoughError("the 'members' solid is 7.5 mm off the mesh"), volume, volume])
+    tried, volume = [], ExportError("the volume of the curved solid along members differs by 2.1%")
+    complaints = iter(
+        [build.RoughError("the solid of curved patches along members is 7.5 mm from the mesh"), volume, volume]
+    )
 
     def drafted(part, plan, fine):
         tried.append(fine)

@@ -110,7 +110,7 @@ def test_members_too_many_to_be_tried_at_first_are_made_before_smooth_however_lo
             if not isinstance(one, BudgetError) and one.step != "faceted":
                 asked.append((one.step, one.hurry))
             if asked == [("members", 1)] and many:
-                with pytest.raises(ManyFacesError, match=r"only on request \(limit: 7000\)"):
+                with pytest.raises(ManyFacesError, match=r"more than 7000 faces only on request"):
                     require_few_faces(one, 7001)
         return asked[2:]
 
@@ -236,11 +236,13 @@ def test_facets_replace_a_smooth_solid_that_occt_cannot_cut(slow_vault, inspecte
     part = strategies.prepare(replace(part_of(solid, "a", STEP_FACES), step="auto", curved=curved))
     smooth = next(one for one in strategies.attempts(part) if one.step == "smooth")
     monkeypatch.setattr(build, "MOST_WALLS", 100)
-    with pytest.raises(ExportError, match="smooth a trial cut in OCCT leaves an invalid half"):
+    with pytest.raises(ExportError, match="smooth a trial cut in OCCT makes a half that is not valid"):
         step.encode(smooth)
     monkeypatch.setattr(step, "LIGHT", 0.01)
     assert b"B_SPLINE" in b"".join(step.encode(smooth))
-    fails = "; cutting the part in CAD fails (a trial cut in OCCT leaves an invalid half): write step = 'faceted'"
+    fails = (
+        "; cutting the part in CAD fails (a trial cut in OCCT makes a half that is not valid): write step = 'faceted'"
+    )
     assert fails in strategies.route_sentence(smooth, [])
     cut.update(halves=True, off=0.0, box=part.box.ravel().tolist())
     derived_results(smooth).clear()
@@ -260,7 +262,7 @@ def test_a_smooth_file_that_check_would_fail_gives_way_to_facets_and_says_why(
     monkeypatch.setattr(step, "inspection", lambda part, path: faceted | {"faces": faces(path), "volume": part.volume})
     (solid, curved), said = slow_vault, list[str]()
     path = write(solid, tmp_path / "a.step", step=StepOptions(curved=curved), note=said.append)
-    assert said[0].startswith("STEP is faceted: smooth, 3 edges have one triangle only where OCCT draws the solid")
+    assert said[0].startswith("STEP is faceted: smooth, 3 edges have only one triangle when OCCT divides the solid")
     assert b"B_SPLINE" not in path.read_bytes()
     monkeypatch.setattr(soundness, "read_step", lambda *_: pytest.fail("the smallest file was drawn"))
     assert b"B_SPLINE" in write(solid, path, step=StepOptions("compact", curved=curved)).read_bytes()
@@ -285,8 +287,11 @@ def test_a_trial_cut_is_judged_by_halves_and_box_and_skipped_for_large_files(slo
     box = part.box.ravel().tolist()
     for answer, fault in (
         ({"halves": True, "off": 1e-6, "box": box}, ""),
-        ({"off": 2e-5}, "OCCT's trial cut changes the volume by 2.0e-05 (relative)"),
-        ({"off": 0.0, "box": [box[0] - 400.0, *box[1:]]}, "OCCT's bounding box of the solid is 400 mm off"),
+        ({"off": 2e-5}, "a trial cut in OCCT changes the total volume by 2.0e-05 (relative)"),
+        (
+            {"off": 0.0, "box": [box[0] - 400.0, *box[1:]]},
+            "the bounding box that OCCT computes for the solid is wrong by 400 mm",
+        ),
     ):
         cut.update(answer)
         assert soundness.sampled_use(part, b"", 5, limits) == soundness.SampledUse(True, fault)
@@ -302,7 +307,9 @@ def test_by_members_the_box_of_a_file_of_any_size_decides(slow_vault):
     draft = MemberDraft("", 2, 9000, 0, 0.0)
     two = [[*low, low[0], *high[1:]], [high[0], *low[1:], *high[:2], high[2] + 300.0]]
     found = [OcctFinding(True, True, True, 4500, 1e6, 0.0, box, nothing, nothing, nothing) for box in two]
-    with pytest.raises(ExportError, match="by members, OCCT's bounding box of the solid is 300 mm off"):
+    with pytest.raises(
+        ExportError, match="by members, the bounding box that OCCT computes for the solid is wrong by 300 mm"
+    ):
         network_build.require_solid(part, build.SmoothPlan(part), draft, found, None)
 
 

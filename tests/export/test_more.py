@@ -118,7 +118,7 @@ def test_a_3dm_file_that_lost_a_triangle_or_a_curve_is_not_kept(tmp_path, monkey
     for spoil, said in (
         (lambda p: replace(p, F=p.F[1:]), "reads back with 11 triangles instead of 12"),
         (lambda p: replace(p, details=Details(p.details.lines[1:])), "lines instead of"),
-        (lambda p: replace(p, details=p.details.scaled_by(1.01)), "mm long in the file instead of"),
+        (lambda p: replace(p, details=p.details.scaled_by(1.01)), "mm in the file instead of"),
     ):
         monkeypatch.setitem(FORMATS, ".3dm", replace(form, encode=lambda part, s=spoil: form.encode(s(part))))
         with pytest.raises(ExportError, match=said):
@@ -199,7 +199,7 @@ def test_a_vtu_file_with_other_values_is_not_kept(tmp_path, monkeypatch):
     zeros = Details(values={"T [K]": np.zeros(plate.n)})
     spoilt = replace(form, encode=lambda part: form.encode(replace(part, details=zeros)))
     monkeypatch.setitem(FORMATS, ".vtu", spoilt)
-    with pytest.raises(ExportError, match=r"the field 'T \[K\]' of 'a' differs when read back"):
+    with pytest.raises(ExportError, match=r"the field 'T \[K\]' of 'a' differs when the file is read back"):
         write(plate, tmp_path / "a.vtu", details=Details(values={"T [K]": np.arange(9.0)}))
     assert not any(tmp_path.iterdir())
 
@@ -292,7 +292,7 @@ def test_build_and_export_write_all_line_formats(tmp_path, capsys):
     assert (tmp_path / "again.dxf").read_bytes() == before
     for words in (["--to", "dxf", "--sheet", "cut"], ["--to", "vtu", "--sheet", "uncut"]):
         assert main(["export", "cantilever", *small, *words, "-o", str(tmp_path / f"b.{words[1]}")]) == 1
-        assert f"--sheet does not apply to a .{words[1]} file" in capsys.readouterr().err
+        assert f"--sheet has no effect on a .{words[1]} file" in capsys.readouterr().err
 
 
 def test_every_format_is_named_in_the_help_and_known_to_presets(capsys):

@@ -90,10 +90,16 @@ def test_short_pieces_of_a_rim_do_not_count_as_edges_across_the_sheet():
 @pytest.mark.parametrize(
     ("said", "words"),
     [
-        ({"missed": [0, 0, 1.0]}, "half-space cut 3 of 8 of the solid of step = 'members' is not valid"),
-        ({"missed": [0, 0, 2.04e-4]}, "after half-space cut 3 of 8, the parts lack 2.0e-04 of the volume of the solid"),
-        ({"sound": 8, "boxed": False, "box_missed": 1.0}, "a cut with a box of the solid of step = 'members' is not"),
-        ({"sound": 8, "boxed": False, "box_missed": 3e-5}, "after a cut with a box, the parts lack 3.0e-05 of"),
+        ({"missed": [0, 0, 1.0]}, "half-space cut 3 of 8 of the curved solid along members is not valid"),
+        (
+            {"missed": [0, 0, 2.04e-4]},
+            "after half-space cut 3 of 8, the parts together lack 2.0e-04 of the volume of the curved solid",
+        ),
+        ({"sound": 8, "boxed": False, "box_missed": 1.0}, "a cut with a box of the curved solid along members is not"),
+        (
+            {"sound": 8, "boxed": False, "box_missed": 3e-5},
+            "after a cut with a box, the parts together lack 3.0e-05 of",
+        ),
     ],
 )
 def test_a_cut_that_misses_volume_is_not_said_to_be_invalid(said, words):
@@ -106,4 +112,6 @@ def test_a_cut_that_misses_volume_is_not_said_to_be_invalid(said, words):
 def test_a_trial_cut_reports_the_volume_that_its_halves_miss(tmp_path, monkeypatch):
     said = {"halves": True, "off": 0.00015, "box": []}
     monkeypatch.setattr(soundness, "occt_report", lambda *_, seconds: said)
-    assert soundness.cut_fault(tmp_path, 1)[0].startswith("OCCT's trial cut changes the volume by 1.5e-04 (relative)")
+    assert soundness.cut_fault(tmp_path, 1)[0].startswith(
+        "a trial cut in OCCT changes the total volume by 1.5e-04 (relative)"
+    )

@@ -110,7 +110,7 @@ def test_members_of_a_strip_with_one_side_close():
 
 def test_a_strip_with_one_side_has_no_two_smooth_skins():
     part, _ = part_with_ladder()
-    with pytest.raises(ExportError, match="one side only"):
+    with pytest.raises(ExportError, match="is one-sided"):
         smooth_file(replace(part, step="smooth"))
 
 

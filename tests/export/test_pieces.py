@@ -43,7 +43,8 @@ def test_tessellated_step_holds_the_triangles_and_names_programs_that_cannot_rea
     found = step_facts(path)
     assert found["triangles"] == len(solid.F)
     assert found["volume"] == pytest.approx(solid.volume * 1e9, rel=1e-8)
-    assert said == ["STEP is tessellated: only programs that know AP242 tessellated geometry open it; FreeCAD 0.20 and "
+    assert said == [
+        "STEP is tessellated: only programs that know AP242 tessellated geometry open this file; FreeCAD 0.20 and "
                     "gmsh do not"]  # fmt: skip
     way = {one.way: one for one in step_estimates(solid, step="tessellated")}["tessellated"]
     assert way.chosen

@@ -163,7 +163,7 @@ def test_export_writes_saf_and_reports_the_accuracy_of_beams(tmp_path, capsys):
         ("load variable", "LG variable"),
     ]
     assert sums(book["StructuralLoadCombination"][0]) == {"load permanent": 1.0, "load variable": 1.0}
-    assert "beams against the sheet, load: 1.0" in capsys.readouterr().out
+    assert "beam model compared with the sheet, load: 1.0" in capsys.readouterr().out
 
 
 @pytest.mark.slow
@@ -185,4 +185,4 @@ def test_presets_are_solved_again_from_the_file(tmp_path, name):
     sheet = np.linalg.norm(solve_frame(design.frame)["load"].u[:, :3], axis=1).max() / agreed.displacement
     assert largest == pytest.approx(sheet, rel=0.1)
     assert agreed.slender == (name != "slab")
-    assert ("ribs twist like bars" in said[0]) == (name != "barrel_vault")
+    assert ("ribs of the sheet twist like bars" in said[0]) == (name != "barrel_vault")

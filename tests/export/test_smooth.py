@@ -134,7 +134,7 @@ def test_a_valid_solid_whose_edge_is_displaced_is_refused_for_its_distance(tmp_p
     monkeypatch.setattr(build, "rebuild_until_sound", lambda *_: None)  # it would see that before OCCT is asked
     monkeypatch.setattr(build, "REFITS", 0)
     monkeypatch.setattr(build, "LAYOUTS", build.LAYOUTS[:1])
-    with pytest.raises(ExportError, match=r"a smooth piece is 1\d mm off the mesh, more than [2-5]"):
+    with pytest.raises(ExportError, match=r"a smooth piece is 1\d mm from the mesh; the limit is [2-5]"):
         written(surface, sheet, tmp_path / "a.step")
     assert [one["valid"] and one["closed"] and one["gap"] < 1000 * THICKNESS / 20 for one in inspected_pieces] == [True]
 
@@ -265,7 +265,7 @@ def test_a_folded_sheet_is_refused_and_says_why(tmp_path, inspected_pieces):
     flat = grid(16, 8, 2.0, 1.0)
     surface = Surface(flat.V + np.c_[np.zeros((flat.n, 2)), np.abs(flat.V[:, 0] - 1)], flat.F)
     sheet = holed(surface, [[0.5, 0.5, 0.5]], 0.2)
-    with pytest.raises(ExportError, match=r"no spline surface follows chart .*step = 'faceted'"):
+    with pytest.raises(ExportError, match=r"no spline surface fits part .*step = 'faceted'"):
         written(surface, sheet, tmp_path / "b.step")
 
 
@@ -282,7 +282,7 @@ def test_auto_leaves_many_walls_faceted_and_says_why(tmp_path, monkeypatch):
 
 def test_smooth_without_its_sheet_is_refused(tmp_path):
     surface = dome(2.0, 0.6, edge=0.3)
-    with pytest.raises(ExportError, match="only its solid is known"):
+    with pytest.raises(ExportError, match="the part has only a solid"):
         write(thicken(surface, 0.02 * surface.vertex_normals), tmp_path / "a.step", step="smooth")
 
 

@@ -94,9 +94,12 @@ def test_a_much_larger_tolerance_at_the_coarsest_faces_gives_a_note():
     V, F = np.zeros((3, 3)), np.zeros((20, 3), dtype=np.int64)
     chord = np.append(np.full(19, 0.3), 9.0)
     told = SmoothLimits(20.0, 1.0, V, F, chord, np.zeros(20)).summary
-    assert told == "allowed: 1 mm plus the mesh's own chord error, usually under 0.3 mm, up to 9 mm at coarse triangles"
+    assert (
+        told == "allowed distance: 1 mm plus the chord error of the mesh, usually under 0.3 mm, up to 9 mm at coarse "
+        "triangles"
+    )
     even = SmoothLimits(20.0, 1.0, V, F, np.full(20, 0.3), np.zeros(20)).summary
-    assert even == "allowed: 1 mm plus the mesh's own chord error, usually under 0.3 mm"
+    assert even == "allowed distance: 1 mm plus the chord error of the mesh, usually under 0.3 mm"
 
 
 def test_a_face_between_three_borders_joins_a_neighbouring_chart():
@@ -166,7 +169,7 @@ def test_a_chart_that_fails_costs_its_pieces_only(tmp_path, inspected_pieces, mo
     curved = partial(curved_sheet, surface, sheet, THICKNESS)
     write(solid, tmp_path / "a.step", step=StepOptions("smooth", curved=curved), note=said.append)
     assert "1 of 2 pieces" in said[0]
-    assert "no spline surface follows chart" in said[0]
+    assert "no spline surface fits part" in said[0]
 
 
 @pytest.mark.parametrize(("middle", "needed"), [(1.5, True), (0.5, False)])

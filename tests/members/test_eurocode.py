@@ -307,8 +307,8 @@ def test_other_materials_are_compared_with_their_strength_and_no_standard():
     found = utilisation(bays, rules("PLA", 20e6))
     stress = 10e3 / 1e-3 + 200 / (0.01 * 0.1**2 / 6)
     assert found.largest[0] == pytest.approx(sqrt(stress**2 + 3 * (1.5 * 1e3 / 1e-3) ** 2) / 20e6)
-    assert found.standard.startswith("no standard: dsfab has none for PLA")
-    assert "no standard: the preset names no material" in utilisation(bays, rules("", 20e6)).standard
+    assert found.standard.startswith("no standard applies: dsfab has none for PLA")
+    assert "no standard applies: the preset names no material" in utilisation(bays, rules("", 20e6)).standard
     with pytest.raises(StaticsError, match="gives neither a material nor a strength"):
         utilisation(bays, rules(""))
 
@@ -363,7 +363,9 @@ def test_presets_name_the_rules_of_their_checks():
         *("permanent", "short"),
         *("short", "medium"),
     ]
-    assert found.loads == "Members are checked in 7 cases and combinations, with the factors in the preset."
+    assert (
+        found.loads == "Members are checked in 7 load cases and combinations, with the partial factors in the preset."
+    )
     assert (found.material, found.timber.layer) == ("GL24h", 0)
     nothing = {"name": "still", "factors": {"dead": 1.35, "left": 0.0}}
     still = load_preset("snow_vault", {"surface.combination": [nothing], "eurocode.bent_in": True})
@@ -372,10 +374,7 @@ def test_presets_name_the_rules_of_their_checks():
     bent = load_preset("gridshell", {"eurocode.bent_in": True})
     alone = eurocode_rules(bent, ("load",))
     assert alone.timber.layer == bent.workshop.thickness
-    assert (alone.loads.split(":")[0], alone.combined) == (
-        "Loads are those of the preset without partial factors",
-        False,
-    )
+    assert (alone.loads.split(",")[0], alone.combined) == ("Loads have no partial factors", False)
     with pytest.raises(PresetError, match=r"eurocode.duration.snwo: no load has this case \(there are: dead, snow"):
         load_preset("snow_vault", {"eurocode.duration.snwo": "short"})
     with pytest.raises(PresetError, match=r"eurocode\.service_class"):

@@ -176,7 +176,7 @@ def test_the_table_is_read_by_any_program_and_says_its_axes_and_signs(dome_desig
     with open(path, encoding="utf-8", newline="") as file:
         lines = file.readlines()
     said = [line[2:].strip() for line in lines if line.startswith("#")]
-    assert said[0].startswith("units: metres, newtons")
+    assert said[0].startswith("units: metres and newtons")
     assert said[1 : 1 + len(CONVENTION)] == list(CONVENTION)
     table = list(csv.DictReader(lines[len(said) :]))
     s, found = dome_design.sheet.surface, dome_design.section_forces

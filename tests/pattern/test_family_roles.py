@@ -65,7 +65,7 @@ def test_a_family_that_is_pulled_on_half_of_its_area_is_both():
 def test_a_note_names_the_family_that_carries_the_loads():
     roles = family_roles(dome(), level_and_rising(dome(), -1.0, -2.0))
     message = one_family_message(roles, "major")
-    assert message.startswith("pattern.families = 'major' draws only the hoops (major, pressed), without the arches")
+    assert message.startswith("pattern.families = 'major' draws only the hoops (major, pressed), but the arches")
     assert message.endswith("set pattern.families = 'minor' or 'both'")
     assert one_family_message(roles, "minor") == one_family_message(roles, "both") == ""
     assert one_family_message((FamilyRole("major"), FamilyRole("minor")), "major") == ""

@@ -95,17 +95,19 @@ def test_a_guide_that_no_member_can_follow_gives_a_note():
 
 def test_a_curve_across_the_stress_names_the_family_that_runs_there():
     told = guided(straight(80)).even.steered.told
-    assert told.endswith("the minor family already runs along this curve: family = 'minor' bends members less")
+    assert told.endswith(
+        "stripes of the minor family already run along this curve: family = 'minor' bends members less"
+    )
 
 
 def test_invalid_member_guides_are_refused_in_one_sentence():
-    with pytest.raises(GuideError, match="only a curve can be a member; remove the key"):
+    with pytest.raises(GuideError, match="only a guide that is a curve can be a member; remove the key"):
         Guide(at={"pick": "all"}, direction=(1.0, 0.0, 0.0), member=True)
     with pytest.raises(PresetError, match=r"guide\.0 is a major member, but families = 'minor'; set the family"):
         load_preset("dome", {"pattern.families": "minor", "pattern.guide": [{"curve": straight(0), "member": True}]})
     with pytest.raises(PresetError, match="member"):
         load_preset("dome", {"pattern.guide": [{"curve": straight(0), "member": 3}]})
-    with pytest.raises(PatternError, match=r"guide\.0: the curve is outside the surface's edge"):
+    with pytest.raises(PatternError, match=r"guide\.0: the curve is outside the surface"):
         guided([[0.5, -0.1, 0.0], [2.5, -0.1, 0.0]]).even  # noqa: B018
 
 

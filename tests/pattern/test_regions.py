@@ -221,9 +221,9 @@ def test_regions_that_are_nowhere_or_everything_say_so(region, what):
     ("regions", "what"),
     [
         ([{**OCULUS, "at": {"pick": "side", "axis": "y", "end": "min", "depth": 1.0}}],
-         r"surface\.support\.0: all of its vertices are inside the void pattern\.region\.0 \(oculus\)"),
+         r"all vertices of surface\.support\.0 are inside the void pattern\.region\.0 \(oculus\)"),
         ([{**OCULUS, "at": {"pick": "box", "min": [-9, 0, -1], "max": [9, 1, 1]}}],
-         r"the void pattern\.region\.0 \(oculus\) separates 1 of 2 pieces .* \(16 m2\) around \(.*, 2, 0\) m"),
+         r"the void pattern\.region\.0 \(oculus\) separates 1 of 2 pieces .* \(16 m2\) is around \(.*, 2, 0\) m"),
         ([OCULUS, {"do": "keep", "at": OCULUS["at"]}], r"pattern\.region\.1: the region misses the surface"),
     ],
 )  # fmt: skip
@@ -302,9 +302,7 @@ def test_vertex_numbers_refer_to_the_mesh_of_the_user():
 
 
 def test_a_load_that_a_void_takes_away_says_so():
-    with pytest.raises(
-        SurfaceError, match=r"surface\.load\.1: all of its vertices are inside .* void pattern\.region\.0"
-    ):
+    with pytest.raises(SurfaceError, match=r"all vertices of surface\.load\.1 are inside .* void pattern\.region\.0"):
         draft(dsfab.load_preset(DOME_MODES, {**DOME, "pattern.region": [TOP]}))
 
 
@@ -435,7 +433,7 @@ def test_a_rim_region_without_width_takes_the_width_of_the_rim():
 
 
 def test_a_band_without_an_edge_on_the_surface_says_so():
-    with pytest.raises(PatternError, match=r"pattern\.region\.0 has no edge on the surface"):
+    with pytest.raises(PatternError, match=r"the outline of pattern\.region\.0 does not cross the surface"):
         region_bands(PLATE, [PatternRegion(Ball((4, 3, 0), 100.0), "rim")], 0.2)
 
 
@@ -538,7 +536,8 @@ def test_a_folder_holds_its_regions(tmp_path):
 def test_an_asymmetric_region_gives_a_note():
     design = dsfab.run(wall(RING))
     assert any(
-        "stripes match at 4 symmetric places, but these regions at fewer: pattern.region.0 at 2" in n.text
+        "stripes are equal at 4 symmetric places, but these regions are equal at fewer places: pattern.region.0 at "
+        "2" in n.text
         for n in design.notes
     )
     middle = {**RING, "at": {"pick": "ball", "center": [0, 0.3, 0], "radius": 1.7}}

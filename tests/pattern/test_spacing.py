@@ -55,7 +55,7 @@ def test_a_design_has_the_requested_spacing_and_reports_the_frequency():
         x = getattr(made.diffusion, name).mode(1)
         f = made.pattern.frequency[k]
         assert made.surface.area / line_length(made.surface, f * x + [0.3, 0.0][k]) == pytest.approx(spacing, rel=0.1)
-        told = f"for a spacing of {spacing:g} m, the frequency of the {name} stripes is {f:.4g}"
+        told = f"the spacing of {spacing:g} m means that the frequency of the {name} stripes is {f:.4g}"
         assert told in [note.text for note in made.notes if note.stage == "pattern"]
 
 
@@ -73,7 +73,7 @@ def test_spacing_is_a_frequency_that_is_solved_for():
     "family", [{"spacing": 0.1, "frequency": 8.0}, {"frequency": 0.0}, {"spacing": 0.0, "frequency": 0}]
 )
 def test_frequency_and_spacing_exclude_each_other(family):
-    with pytest.raises(PresetError, match=r"pattern\.major: give either frequency or spacing, and leave the other out"):
+    with pytest.raises(PresetError, match=r"pattern\.major: give either frequency or spacing; leave the other key out"):
         dsfab.load_preset("cantilever", {"pattern.major": family})
 
 
@@ -85,7 +85,7 @@ def test_a_preset_with_spacing_survives_being_written_and_read(tmp_path):
 
 def test_a_constant_mode_has_no_spacing():
     plate = grid(3, 3, 1.0, 1.0)
-    with pytest.raises(PatternError, match="the eigenmode must not be constant"):
+    with pytest.raises(PatternError, match="the mode of the stripes must not be constant"):
         frequency_for(plate, np.ones(plate.n), 0.1)
 
 

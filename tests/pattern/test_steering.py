@@ -297,7 +297,7 @@ def test_guides_reduce_the_symmetry_and_the_note_names_the_rest(more, order, tol
 @pytest.mark.parametrize(
     ("more", "told"),
     [
-        ({"guide": [{"curve": [[0, 0, 4]]}]}, r"pattern\.guide\.0: curve needs two different points"),
+        ({"guide": [{"curve": [[0, 0, 4]]}]}, r"pattern\.guide\.0: the key curve needs at least two different points"),
         ({"guide": [{"curve": [[0, 0, 4], [0, 0, 4]]}]}, "two different points"),
         (
             {"guide": [{"curve": [[0, 0, 9], [1, 0, 9]]}]},
@@ -342,7 +342,11 @@ def test_a_surface_with_one_side_turns_by_quarters_only():
         if angle == 90:
             assert even_stripes(given.preset, strip, statics).steered is not None
             continue
-        with pytest.raises(PatternError, match=r"pattern\.rotate = 45 has no sense of rotation on a one-sided surface"):
+        with pytest.raises(
+            PatternError,
+            match=r"pattern\.rotate = 45 is impossible, because left and right are not "
+            r"defined on a one-sided surface",
+        ):
             even_stripes(given.preset, strip, statics)
 
 
@@ -461,7 +465,7 @@ def test_members_of_one_family_have_no_loose_ends():
 
 
 def test_rings_without_crossings_are_refused_with_advice():
-    alone = "the major family alone has no crossings; set pattern.rim or use both families"
+    alone = "stripes of the major family alone do not cross; set pattern.rim, or draw both families"
     rings = SMALL | {"pattern.families": "major"}
     made = dsfab.run(load_preset(DOME_MODES, rings))
     assert any(note.text.startswith("5 of 6 pieces") and alone in note.text for note in made.notes)
@@ -533,7 +537,7 @@ def test_widths_follow_the_stress_along_the_stripes():
 def test_auto_omits_modes_if_guides_or_families_exclude_them():
     for more in ({"rotate": 45}, {"families": "minor"}):
         made = drafted(method="auto", width={"rule": "plain"}, **more)
-        note = next(note.text for note in made.notes if note.text.startswith("method auto chose"))
+        note = next(note.text for note in made.notes if note.text.startswith("pattern.method = 'auto' chose"))
         assert ("modes" in note) == ("rotate" not in more)
         assert ("halved" in note) == ("rotate" in more)
 

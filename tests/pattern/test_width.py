@@ -302,7 +302,7 @@ def test_an_unreachable_share_is_refused_with_the_reachable_range():
     for wanted, says in ((0.1, "at least 20.0%"), (0.95, "at most 90.0%")):
         with pytest.raises(PatternError, match=f"cannot keep {wanted:.1%} of the surface: {says}"):
             solved_factor(lambda f: min(0.2 + f, 0.9), wanted, 1e-3)
-    with pytest.raises(PatternError, match=r"jumps past 50\.0%"):
+    with pytest.raises(PatternError, match=r"cannot be 50\.0%"):
         solved_factor(lambda f: 0.2 if f < 0.7 else 0.8, 0.5, 1e-3)
 
 
@@ -324,7 +324,7 @@ def test_the_search_accepts_a_jump_within_its_tolerance():
     def share(f: float) -> float:
         return min(0.5 * f + (0.006 if f > 0.996 else 0.0), 0.9)
 
-    with pytest.raises(PatternError, match=r"jumps past 50\.0%.*nearest: 49\.80%"):
+    with pytest.raises(PatternError, match=r"cannot be 50\.0%.*nearest possible: 49\.80%"):
         solved_factor(share, 0.5, 4e-4, jump=0.001)
     assert share(solved_factor(share, 0.5, 4e-4, jump=0.003)) == pytest.approx(0.498, abs=1e-4)
 
@@ -359,7 +359,8 @@ def test_the_nearest_share_is_delivered_with_a_note(wanted, nearest):
 def test_a_share_past_a_jump_is_refused_where_no_more_is_allowed():
     preset = dsfab.load_preset("cantilever", JUMPING)
     with pytest.raises(
-        PatternError, match=r"jumps past 31\.1% of the surface \(nearest: 30\.94%\).*allow a larger .*_tolerance"
+        PatternError,
+        match=r"cannot be 31\.1% of the surface, .*\(nearest possible: 30\.94%\).*allow a larger .*_tolerance",
     ):
         _ = draft(with_overrides(preset, {"pattern.width.solid_fraction_tolerance": 0.001})).pattern
 

@@ -156,7 +156,8 @@ def test_a_relative_mesh_path_starts_at_the_folder_of_the_preset(tmp_path):
         ({"statics.thickness": "thick"}, r"statics\.thickness: 'thick' is neither a number of metres nor auto"),
         (
             {"statics.material": "GL24"},
-            r"statics\.material: 'GL24' is not known; did you mean GL24h\?; use one of S235, .*, PLA, or leave it out",
+            r"statics\.material: 'GL24' is not known; did you mean GL24h\?; use one of S235, .*, PLA, or leave "
+            r"material out",
         ),
         ({"statics.material": 3}, r"statics\.material = 3: should be a valid string"),
         ({"statics.young": 11}, r"statics\.young: 11 Pa is too small for a stiffness; write 11e9 for 11 GPa"),
@@ -186,9 +187,9 @@ def test_a_relative_mesh_path_starts_at_the_folder_of_the_preset(tmp_path):
         ({"surface.support.0.hold": "zz"}, r"surface\.support\.0\.hold = 'zz'"),
         ({"surfce.x": 3}, r"unknown key surfce; did you mean surface\?"),
         ({"pattern.major": 3}, r"pattern\.major = 3"),
-        ({"surface.load.5.force": [0, 0, 1]}, r"'5' is not the number of an entry; use 0 to 1"),
-        ({"name.x": 1}, r"--set name\.x: name is a value, not a section"),
-        ({"name.x.y": 1}, r"--set name\.x\.y: the key before 'x' is a value, not a section"),
+        ({"surface.load.5.force": [0, 0, 1]}, r"'5' is not the number of an entry in this list; use 0 to 1"),
+        ({"name.x": 1}, r"--set name\.x: name holds a value and is not a section"),
+        ({"name.x.y": 1}, r"--set name\.x\.y: the key before 'x' holds a value and is not a section"),
         ({"name": "../up"}, r"name = '\.\./up'"),
         ({"export.formats": ["stp"]}, r"export\.formats\.0 = 'stp': .*did you mean step\?"),
         ({"statics": {}}, r"statics\.thickness is missing"),

@@ -442,7 +442,7 @@ def test_new_in_another_folder_names_the_mesh_from_there(tmp_path, monkeypatch):
         (["new", "roof.obj", "--material", "oak"], "is not known"),
         (["new", "nan.obj"], "no face has three finite corners"),
         (["new", "roof.obj", "-o", "no/such/roof.toml"], "folder does not exist"),
-        (["build", "roof.obj", "--mesh", "other.obj"], "are two meshes; give one of them"),
+        (["build", "roof.obj", "--mesh", "other.obj"], "name two meshes; leave one of the meshes out"),
     ],
 )
 def test_refusals(tmp_path, monkeypatch, capsys, words, sentence):
@@ -675,7 +675,7 @@ def test_a_surface_in_coordinates_of_a_survey_gets_an_origin_of_its_own(tmp_path
     assert_allclose(at.base_surface().V + at.origin, vault.V + site, atol=1e-6)
     for foot in at.support:
         assert foot.at.vertices(at.build()).any()
-    assert any("move output files back by this vector; change surface.origin" in line for line in away.lines)
+    assert any("to move output files back, add this vector; change surface.origin" in line for line in away.lines)
     near = propose(obj(tmp_path / "near.obj", Surface(vault.V + [40 * vault.size, 0, 0], vault.F)))
     assert near.preset.surface.origin == (0, 0, 0)
 
@@ -701,7 +701,7 @@ def test_names_of_files_keep_their_letters(file, name):
 def test_the_command_that_new_prints_can_be_pasted(capsys, tmp_path):
     mesh = obj(tmp_path / "my roof.obj", dome(edge=1.2))
     assert main(["new", str(mesh), "-o", str(tmp_path / "my roof.toml")]) == 0
-    command = capsys.readouterr().out.splitlines()[-1].partition("build it: ")[2]
+    command = capsys.readouterr().out.splitlines()[-1].partition("build the design with: ")[2]
     assert shlex.split(command) == ["dsfab", "build", str(tmp_path / "my roof.toml")]
 
 
@@ -731,7 +731,7 @@ def test_a_courtyard_roof_has_the_thickness_of_its_span():
     assert made.plan.size.span == pytest.approx(6, rel=0.05)
     assert made.plan.size.thickness == 0.06
     assert made.plan.size.spacing < 1
-    assert "first guess 60 mm, 1/100 of the span of 5.99 m" in " ".join(made.lines)
+    assert "first guess: 60 mm, 1/100 of the span of 5.99 m" in " ".join(made.lines)
 
 
 def sloping_folds(slope):

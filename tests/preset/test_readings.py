@@ -77,7 +77,7 @@ def test_the_user_names_what_holds_a_surface():
     assert max(place.points[:, 2].max() for place in low.plan.stands) <= surface.V[:, 2].min() + 0.5
     assert all(support.clamp for support in low.preset.surface.support)
     for word in ("loops", "-1", "nan"):
-        with pytest.raises(PresetError, match=f"--stand {word}: the surface has no such place; use feet, "):
+        with pytest.raises(PresetError, match=f"--stand {word}: the surface has no place of this kind; use feet, "):
             propose(surface, wishes=MeshWishes(word))
 
 
@@ -93,10 +93,12 @@ def test_a_sheet_that_is_supported_everywhere_has_a_score():
 
 def test_without_any_way_of_support_the_message_blames_no_option():
     with pytest.raises(
-        PresetError, match="no way to hold the surface is plausible; choose with --stand: a height in metres above"
+        PresetError, match="no plausible way to support the surface; choose with --stand: a height in metres above"
     ):
         choice(MEANT["groin"].surface, {}, "m")
-    with pytest.raises(PresetError, match="--stand feet: the surface has no such place; use a height in metres above"):
+    with pytest.raises(
+        PresetError, match="--stand feet: the surface has no place of this kind; use a height in metres above"
+    ):
         choice(MEANT["groin"].surface, {}, "m", "feet")
 
 
@@ -118,7 +120,7 @@ def test_columns_below_a_flat_roof_are_six_to_nine_metres_apart(length, count):
 def test_a_sheet_that_nothing_plausible_holds_is_refused():
     chosen = choice(MEANT["groin"].surface, {"z": 1.0}, "m")
     refuted = replace(chosen, ranking=tuple(replace(each, score=0.0) for each in chosen.ranking))
-    with pytest.raises(PresetError, match=r"no way to hold the surface is plausible; tried feet \(z up\): "):
+    with pytest.raises(PresetError, match=r"no plausible way to support the surface; dsfab tried feet \(z up\): "):
         refuted.require_plausible()
 
 
@@ -214,4 +216,4 @@ def test_one_line_is_built_in_and_a_whole_ring_is_not():
 
 def test_options_for_a_mesh_are_refused_for_a_preset(capsys):
     assert main(["build", "dome", "--stand", "feet"]) == 1
-    assert "are for a mesh" in capsys.readouterr().err
+    assert "need a mesh file" in capsys.readouterr().err

@@ -113,9 +113,10 @@ def test_the_analysis_names_the_most_used_member_and_a_fault_draws_the_first_pic
     assert [path.name for _, path in pictures.pending] == ["analysis.png", "analysis.png", "preview.png"]
     analysis, failed = (data for data, path in pictures.pending if path.name == "analysis.png")
     assert analysis.callouts[0].lines[0].startswith("moves most")
-    assert analysis.faces.words == "cut sheet - stress; no strength to compare it with"
+    assert analysis.faces.words == "cut sheet - stress; the preset gives no strength for a comparison"
     assert (
-        failed.faces.words == "does not carry, buckles at 0.5 times the load - stress; no strength to compare it with"
+        failed.faces.words == "does not carry, buckles at 0.5 times the load - stress; the preset gives no strength "
+        "for a comparison"
     )
     assert len(analysis.faces.face) == vault.sheet.surface.m
     used = replace(judged, use=MemberUse("B7", 1.51, (0.0, 0.0, 1.0), "load", "bending"))

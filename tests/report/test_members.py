@@ -34,7 +34,7 @@ def found(N=-10e3, material="S235", **more):
         (
             found(combined=False),
             "unknown",
-            "Each of 1 members is loaded below its resistance. The loads have no partial factors",
+            "Each of 1 members is loaded below its resistance. These loads have no partial factors",
         ),
         (found(N=-1e6), "fail", "1 of 1 members exceed their resistance"),
         (found(N=-1e6, combined=False), "fail", "1 of 1 members exceed their resistance"),
@@ -144,7 +144,7 @@ def test_the_command_writes_a_report_and_its_tables(tmp_path, capsys):
     table = (tmp_path / "out" / "barrel_vault.member_utilisation.csv").read_text(encoding="utf-8")
     worst = next(line for line in table.splitlines()[1:] if not line.startswith(("#", "member"))).split(",")[0]
     for text in (page, printed):
-        assert "The loads have no partial factors" in text
+        assert "These loads have no partial factors" in text
         assert worst in text
         assert "dsfab report barrel_vault --set surface.edge=0.7" in text
     assert page.count("<img") == 1 + 4  # the structure; diagrams of ten members, three in a figure

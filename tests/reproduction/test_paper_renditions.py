@@ -148,5 +148,5 @@ def test_findings_of_a_grid_and_of_a_beam_are_measured(bar):
     crooked = Rendition("preset", {}, design=bar[1].design, crossing=20.0, evenness=1.5)
     assert finding("grid", crooked).startswith("no even grid here, because members cross at 20 ")
     assert finding("beam", bar[1]) == (
-        "no beam here, because no line of either family runs unbroken from the load to the supports"
+        "no beam here, because no line of either family runs without a break from the load to the supports"
     )

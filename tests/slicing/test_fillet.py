@@ -268,9 +268,17 @@ def test_nothing_is_filled_along_a_fold():
 @pytest.mark.parametrize(
     ("radius", "told"),
     [
-        (0.03, r"\d+ corners of openings were rounded with a radius of 30 mm, or a smaller radius where space is .*"),
-        (3.0, r"\d+ corners of openings were rounded; for lack of space, half of the radii are below \d+ mm .*: 3 m.*"),
-        (3000.0, r"no corner of an opening was rounded: none has space for a radius of 3 km \(pattern.fillet\)"),
+        (
+            0.03,
+            r"\d+ corners of openings were rounded with a radius of 30 mm, or with a smaller radius where the "
+            r"opening is .*",
+        ),
+        (3.0, r"\d+ corners of openings were rounded; half of the radii are below \d+ mm, because .* = 3 m.*"),
+        (
+            3000.0,
+            r"dsfab rounded no corner of an opening, because no corner has space for a radius of 3 km "
+            r"\(pattern.fillet\)",
+        ),
     ],
 )
 def test_a_build_reports_the_fillet_radius_that_it_reached(radius, told):

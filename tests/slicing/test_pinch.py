@@ -217,7 +217,7 @@ def test_impossible_requests_are_refused():
             resolve_pinches(sheet, radius)
     with pytest.raises(PatternError, match="'join' or 'split'"):
         resolve_pinches(sheet, 0.1, "weld")
-    with pytest.raises(PatternError, match="lower the threshold, raise the frequency"):
+    with pytest.raises(PatternError, match="lower the threshold or raise the frequency"):
         resolve_pinches(cut(plate, [plate.V[:, 0]], [[]]), 0.1)
     with pytest.raises(PatternError, match="no material is left"):
         resolve_pinches(sheet, 5.0, "split")

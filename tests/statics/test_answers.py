@@ -177,7 +177,10 @@ def test_a_sheet_held_only_in_its_plane_is_held_upright_with_a_note():
     made = draft(load_preset("cantilever", asked))
     answers, sheet = made.statics.answers, made.preset.statics.sheet()
     assert answers.refusals == ()
-    assert any("clamp the supported edges, because a hinged sheet would fall over" in note.text for note in made.notes)
+    assert any(
+        "clamp the supported edges, because a sheet on hinged supports would fall over" in note.text
+        for note in made.notes
+    )
     length = np.ptp(made.surface.V[:, 0])
     beam = 3.5160 * np.sqrt(sheet.material.young * sheet.thickness**2 / (12 * 1000 * length**4)) / (2 * np.pi)
     assert 1.0 < answers.vibration.hertz[0] / beam < 1.05
@@ -217,7 +220,7 @@ def test_a_load_beyond_strength_or_buckling_gives_a_note():
     texts = [note.text for note in made.notes]
     share = made.statics.answers.stress.peak.stress / 1e3
     assert any(f"is {share:.0%} of the strength" in text for text in texts)
-    assert any("buckles before it carries the load" in text for text in texts)
+    assert any("buckles under less than the load" in text for text in texts)
 
 
 @pytest.mark.parametrize(

@@ -333,7 +333,11 @@ def test_compliances_of_the_followed_cases_are_added_with_their_weights():
         ({"surface.combination": [WINTER], "diffusion.weights": {"snow": 1}}, r"weights\.snow = 1: no combination has"),
         ({"diffusion.weights": {"snow": -1}}, r"weights\.snow = -1: a weight must be 0 or more"),
         ({"diffusion.weights": dict.fromkeys(("dead", "snow", "wind", "back"), 0)}, "all weights are 0"),
-        ({"diffusion.follow": "dead", "diffusion.weights": {"dead": 1}}, r"weights need diffusion\.follow = "),
+        (
+            {"diffusion.follow": "dead", "diffusion.weights": {"dead": 1}},
+            r"weights have an effect only with "
+            r"diffusion\.follow = ",
+        ),
         ({"surface.combination": [{"name": "u", "factor": {}}]}, r"unknown key .*factor; did you mean factors\?"),
     ],
 )

@@ -237,7 +237,7 @@ def test_a_search_reports_first_the_alternative_that_beats_its_best_run(pulled, 
     capsys.readouterr()
     assert main(["sweep", str(folder), "--workers", "1"]) == 0
     first, second, *_ = capsys.readouterr().out.splitlines()
-    assert first.startswith("The best is run 1, and this design loses: ")
+    assert first.startswith("The best run is run 1, and this design loses: ")
     assert f"{THINNER} is " in first
     assert second == "1 runs: 1 done, 0 failed"
 
@@ -248,7 +248,7 @@ def test_the_line_of_losses_begins_with_the_worst_and_marks_close_results():
     assert losing_line([won, none]) == ""
     assert losing_line([sure, close]).index("may lose") < losing_line([sure, close]).index("loses")
     lost = Alternative("thinner", np.inf, np.inf, np.inf, "level")
-    assert losing_line([lost]) == f"this design does not carry its loads, and {THINNER} does"
+    assert losing_line([lost]) == f"this design does not carry its loads, but {THINNER} does"
     assert json.loads(json.dumps(lost.record(), allow_nan=False))["over"] is None
 
 
@@ -261,7 +261,7 @@ def test_alternatives_that_carry_no_load_are_listed_and_do_not_win(pulled, monke
     monkeypatch.setattr(module.Trial, "candidate", refused)
     (found,) = alternatives(task, own, ["isotropic"])
     assert (found.over, found.is_stiffer) == (0.0, False)
-    assert found.error == "no pair of modes carries the loads; pair 1: falls apart"
+    assert found.error == "no pair of modes carries the loads; reason for pair 1: falls apart"
     assert np.isnan(METRICS["over_isotropic"](fresh(pulled, (found,))))
 
 

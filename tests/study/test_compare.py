@@ -81,7 +81,7 @@ def test_build_and_compare_report_a_load_on_an_unsupported_piece():
     pattern = {"keep": 0.05, "major": thin, "minor": thin}
     design = dsfab.run(dsfab.load_preset("cantilever", {"surface.edge": 0.08, "pattern": pattern}))
     told = [note.text for note in design.notes if note.stage == "slicing"]
-    says = r"load at \[.*\] m \(1e\+03 N\) stands on a piece that reaches no support"
+    says = r"load at \[.*\] m \(1e\+03 N\) acts on a piece of material that is not connected to a support"
     assert any(re.search(says + "; set pattern.rim", text) for text in told)
     assert not any("removed material" in text for text in told)
     with pytest.raises(StaticsError, match=says):

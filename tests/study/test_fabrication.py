@@ -163,8 +163,8 @@ def test_a_film_or_a_gap_that_no_machine_makes_is_refused(cantilever):
     film = replace(cantilever.solid.repairs, thinnest=0.01, thinnest_at=(0.0, 0.0, 0.0))
     known = {name: getattr(cantilever, name) for name in ("surface", "statics", "diffusion", "pattern", "slicing")}
     filmy = Design.from_results(cantilever.preset, None, **known, solid=replace(cantilever.solid, repairs=film))
-    assert refusals(filmy) == ("the sheet was thinned to a film of 0.1 mm at (0, 0, 0) m",)
-    with pytest.raises(PatternError, match=r"thinned to a film.*--accept"):
+    assert refusals(filmy) == ("the thickened sheet has become a film of only 0.1 mm at (0, 0, 0) m",)
+    with pytest.raises(PatternError, match=r"a film of only.*--accept"):
         require_fit(filmy)
     made = fabrication(with_limits(cantilever, min_gap=1.0))
     assert refusals(cantilever, made) == ()  # a limit that is missed is told
@@ -173,7 +173,9 @@ def test_a_film_or_a_gap_that_no_machine_makes_is_refused(cantilever):
     )
     coarse, fine = (replace(made.failed_checks[0], value=(x,), place=(0.1, 0.2, 0.0)) for x in (0.0011, 0.0009))
     assert refusals(kept, replace(made, checks=(coarse,))) == ()
-    assert refusals(kept, replace(made, checks=(fine,))) == ("a gap of 0.9 mm at (0.1, 0.2, 0) m cannot be made",)
+    assert refusals(kept, replace(made, checks=(fine,))) == (
+        "a gap of 0.9 mm at (0.1, 0.2, 0) m is too small for fabrication",
+    )
 
 
 def test_a_load_that_nothing_carries_is_not_built(capsys, tmp_path):
@@ -184,7 +186,7 @@ def test_a_load_that_nothing_carries_is_not_built(capsys, tmp_path):
     (tmp_path / "lost.toml").write_text(preset_toml(lost))
     build = ["build", str(tmp_path / "lost.toml"), "-f", "stl", "--no-picture", "-o", str(tmp_path / "out")]
     assert main(build) == 1
-    assert "stands on a piece that reaches no support" in capsys.readouterr().err
+    assert "acts on a piece of material that is not connected to a support" in capsys.readouterr().err
     assert not (tmp_path / "out" / "design.json").exists()
     assert main([*build, "--accept"]) == 0
     assert load_preset(tmp_path / "out" / "preset.toml").fabrication.accept
@@ -347,7 +349,8 @@ def test_fix_meets_the_limits_and_lists_its_changes(cantilever):
 
 
 @pytest.mark.parametrize(
-    ("limits", "words"), [({"min_wall": 0.02}, "raise statics.thickness"), ({"bed": [0.5, 0.5, 0.5]}, "split it")]
+    ("limits", "words"),
+    [({"min_wall": 0.02}, "raise statics.thickness"), ({"bed": [0.5, 0.5, 0.5]}, "split the solid")],
 )
 def test_fix_names_limits_that_no_pattern_can_meet(cantilever, limits, words):
     with pytest.raises(PatternError, match=words):
@@ -368,7 +371,7 @@ def test_fix_ends_with_a_sentence():
     try:
         done = fixed_design(coarse)
     except PatternError as error:
-        assert "are not met" in str(error) or "cannot keep" in str(error)  # noqa: PT017
+        assert "does not meet the limits" in str(error) or "cannot keep" in str(error)  # noqa: PT017
     else:
         assert done.made.features.gap is None
 

@@ -143,7 +143,7 @@ def test_solid_faces_stay_and_the_area_is_met_on_a_shell():
 def test_invalid_simp_options_are_refused():
     surface = grid(6, 4, 1.5, 1.0)
     loads = {"load": pulled(surface, [1.0, 0.0, 0.0])}
-    with pytest.raises(StaticsError, match=r"1\.5 m2 of it are kept"):
+    with pytest.raises(StaticsError, match=r"1\.5 m2 are kept regions"):
         densities(SheetModel(surface, UNIT, 1.0), loads, 0.7, np.ones(surface.m, dtype=bool))
     with pytest.raises(StaticsError, match="SIMP needs"):
         Simp(void=0.0)

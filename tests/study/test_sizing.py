@@ -168,7 +168,10 @@ def test_targets_that_no_thickness_meets_bring_more_material_and_closer_members(
     assert main(["size", str(given), "-o", str(written)]) == 5
     said = capsys.readouterr().out
     assert len(re.findall(r"20 mm +\d+% .* misses .*buckling", said)) == 4
-    assert "no thickness meets the targets; 20 mm comes nearest: add supports, give the surface more rise" in said
+    assert (
+        "no thickness meets the targets; a thickness of 20 mm is nearest: add supports, give the surface more rise"
+        in said
+    )
     assert load_preset(written).statics.thickness == 0.02
     assert main(["size", str(given), "-o", str(written)]) == 1
     assert f"{written} exists already" in capsys.readouterr().err
@@ -231,7 +234,9 @@ def rippled(thicknesses) -> Preset:
 
 def test_a_thickness_for_which_the_surface_bends_too_sharply_is_not_tried():
     result = sizing_result(dsfab.sized_design(rippled([0.1, 2.0])))
-    assert result.stock.endswith("of the preset; without 2 m, for which the surface bends too sharply")
+    assert result.stock.endswith(
+        "of the preset; the thicknesses 2 m are left out, because the surface bends too sharply for them"
+    )
     assert {trial.thickness for trial in result.trials} == {0.1}
     with pytest.raises(SolidError, match=r"bends so sharply at .* only 52% of the thickness would remain"):
         dsfab.sized_design(rippled([2.0]))
@@ -246,7 +251,7 @@ def test_thicknesses_without_a_stock_grow_by_about_a_seventh():
 
 def test_a_material_without_a_strength_is_refused():
     preset = vault(statics={"thickness": "auto", "young": 1e10})
-    with pytest.raises(PresetError, match=re.escape("statics gives neither a material nor a strength")):
+    with pytest.raises(PresetError, match=re.escape("the preset gives neither a material nor a strength")):
         dsfab.sized_design(preset)
 
 

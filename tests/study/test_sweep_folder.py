@@ -90,7 +90,7 @@ def test_a_sample_stays_the_same_sample(tmp_path):
     assert swept(tmp_path, load_plan(tmp_path / "sweep.toml")) == []
     assert len(SweepFolder.from_folder(tmp_path).rows()) == 6
     turned = plan(vary=dict(reversed(mixed.items())), sampling="sobol:6")
-    with pytest.raises(DsfabError, match="vary differ"):
+    with pytest.raises(DsfabError, match="different settings: vary"):
         swept(tmp_path, turned)
 
 
@@ -289,7 +289,7 @@ def test_another_sweep_in_a_folder_is_refused_unless_extended(tmp_path):
     swept(tmp_path, plan())
     before = measured(tmp_path)
     wider = plan(vary={"diffusion.r": [10.0, 30.0, 50.0], "pattern.major.phase": PHASES})
-    with pytest.raises(DsfabError, match=r"holds another sweep \(vary differ\); use --extend"):
+    with pytest.raises(DsfabError, match=r"holds another sweep \(different settings: vary\); use --extend"):
         swept(tmp_path, wider)
     with pytest.raises(DsfabError, match="a sweep of another preset"):
         swept(tmp_path, plan(set={"surface.edge": 1.3}), extend=True)

@@ -73,6 +73,6 @@ def test_a_sweep_without_workers_waits_ten_minutes_and_then_ends(monkeypatch):
     clock = SimpleNamespace(monotonic=lambda: 60.0 * len(slept), sleep=slept.append)
     monkeypatch.setattr(scheduler, "time", clock)
     crew = SimpleNamespace(workers=list)
-    with pytest.raises(DsfabError, match="start workers and give the command again"):
+    with pytest.raises(DsfabError, match="start workers of Dask and give the command again"):
         conduct(None, crew, {1: {}}, None, progress=Progress(1, 0, 0))
     assert 9 <= len(slept) <= 12

@@ -64,13 +64,13 @@ MISTAKES = {
     ),
     "endless grid": ({"vary": {"a": {"from": 0, "to": 1}}}, "vary.a needs count"),
     "no values": ({"vary": {"a": []}}, "vary.a has no values"),
-    "uneven": ({"linked": [{"a": [1], "b": [1, 2]}]}, "lists of equal length, but have a 1, b 2"),
+    "uneven": ({"linked": [{"a": [1], "b": [1, 2]}]}, "lists of equal length, but the lengths are: a 1, b 2"),
     "twice": ({"linked": [{"pattern.major.phase": [1]}]}, "pattern.major.phase is varied twice"),
     "constraint": ({"constraints": ["pieces is 1"]}, "'pieces is 1' is not METRIC SIGN NUMBER"),
     "constraint on nothing": ({"constraints": ["beauty > 1"]}, "metric 'beauty' is not known"),
     "what to keep": ({"keep": ["pictures"]}, "keep.0 = 'pictures'"),
-    "nothing varied": ({"vary": {}}, "nothing is varied"),
-    "csv and more": ({"sampling": "csv:a.csv"}, "a csv gives all points"),
+    "nothing varied": ({"vary": {}}, "the sweep varies no key"),
+    "csv and more": ({"sampling": "csv:a.csv"}, "a csv file gives all points"),
 }
 
 

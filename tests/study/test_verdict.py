@@ -170,7 +170,7 @@ def test_a_plane_design_gets_a_verdict_and_the_quick_level_is_marked():
     assert values[0] < values[1] < verdict.value  # stiff elements soften as they shrink
     assert abs(verdict.value - row.truth) <= verdict.bound * verdict.value
     assert quick.status == "unknown"
-    assert quick.reason.startswith("one solve on the cut mesh: typical error")
+    assert quick.reason.startswith("one solve on the cut mesh: the typical error")
     assert quick.value == pytest.approx(row.quick, rel=1e-4)
     assert quick.value == pytest.approx(verdict.value, rel=quick.bound)
     assert len(quick.levels) == 1
@@ -192,7 +192,7 @@ def test_a_dome_is_judged_and_agrees_with_the_table():
     assert abs(verdict.value - row.truth) <= verdict.bound * verdict.value
     assert verdict.cases[0].spread > 0
     assert verdict.facets == pytest.approx(row.facets, rel=1e-3)
-    assert any("off the smooth surface" in text for text in verdict.warnings)
+    assert any("from the smooth surface" in text for text in verdict.warnings)
 
 
 def test_the_verdict_lists_load_cases_with_the_governing_case_first():
@@ -223,7 +223,7 @@ def test_pieces_without_support_are_dropped_and_listed_without_their_load():
     on_loose = replace(apart, loads={"load": load.with_forces(np.where((x > 0.6)[:, None], load.force, 0.0), x > 0.6)})
     lost = check(on_loose, drawn)
     assert lost.status == "fail"
-    assert "stands on a piece that reaches no support" in lost.reason
+    assert "acts on a piece of material that is not connected to a support" in lost.reason
     assert lost.levels == ()
     assert lost.record()["value"] is None
 
@@ -245,14 +245,14 @@ def test_a_mechanism_fails_and_a_sheet_too_large_to_solve_is_unknown():
     assert "can turn about y" in hinged.reason
     large = check(setting, whole_sheet(surface), budget=1e6)
     assert large.status == "unknown"
-    assert "the budget is 0.0 GB" in large.reason
+    assert "the limit is 0.0 GB" in large.reason
     assert np.isnan(large.value)
     some = check(setting, whole_sheet(surface), budget=1e7)
     assert some.status == "unknown"
-    assert "from one mesh; only finer meshes can show convergence; the next mesh, of 800" in some.reason
+    assert "only finer meshes can show convergence; the next finer mesh, of 800" in some.reason
     assert abs(some.value - navier(1e3, 0.01)) <= some.bound * some.value
     assert len(some.levels) == 1
-    with pytest.raises(ValueError, match="pass `sheet`"):
+    with pytest.raises(ValueError, match="pass the argument `sheet`"):
         check(setting)
 
 
@@ -343,7 +343,7 @@ def test_the_shipped_table_obeys_the_bounds():
     circular = replace(outside, compliance=(1.0, 1.1, 1.2))
     assert not circular.is_tested
     assert summary([*rows, circular]) == told
-    with pytest.raises(ValueError, match="finer mesh than those of its verdict"):
+    with pytest.raises(ValueError, match="finer than the meshes of its verdict"):
         summary([circular])
 
 
@@ -373,8 +373,8 @@ def test_verify_writes_the_calibration_and_fails_when_bounds_do_not_hold(monkeyp
     monkeypatch.setattr("dsfab.study.verdict.calibration.calibrate", lambda report: rows)
     assert verify(calibration=True, out_=tmp_path) == 0
     text = capsys.readouterr().out
-    assert f"verdicts on {sum(row.is_tested for row in rows)} random designs: " in text
-    assert "cantilever: verdicts on" in text
+    assert f"error bounds of {sum(row.is_tested for row in rows)} random designs: " in text
+    assert "cantilever: error bounds of" in text
     told = json.loads((tmp_path / "calibration.json").read_text(encoding="utf-8"))
     assert told["summary"]["inside"] >= 0.95
     assert len(told["designs"]) == len(rows)

@@ -94,7 +94,7 @@ def test_duplicate_vertices_that_part_pieces_give_a_hint() -> None:
     free = "piece 2 of 49 can turn .*: .* pick more vertices .*"
     for end, says in (("max", "48 of 49 pieces .* remove each piece"), ("min", free)):
         held = dsfab.Support(dsfab.Side("z", end, 0.001))
-        with pytest.raises(StaticsError, match=f"{says}, or merge 94 vertices that coincide with earlier vertices$"):
+        with pytest.raises(StaticsError, match=f"{says}, or merge the 94 vertices that coincide with other vertices$"):
             dsfab.run(dsfab.Preset(surface=(cap.vertices, cap.faces), supports=[held], **given))
     whole = draft(dsfab.Preset(surface=cap, supports=[dsfab.Support(dsfab.Side("z", "min", 0.001))], **given))
     assert not [note for note in whole.notes if "pieces" in note.text]
@@ -115,8 +115,8 @@ def test_faces_are_turned_the_same_way_and_a_surface_is_itself() -> None:
 @pytest.mark.parametrize(
     ("mesh", "says"),
     [
-        ({"vertices": V, "faces": [[0, 1, 9]]}, "out of 0..4"),
-        ({"vertices": V, "faces": [[0, 1]]}, "three or more vertices"),
+        ({"vertices": V, "faces": [[0, 1, 9]]}, "from 0 to 4"),
+        ({"vertices": V, "faces": [[0, 1]]}, "three or more vertex numbers"),
         ({"vertices": V, "faces": []}, "has no faces"),
         ({"vertices": [["a", "b", "c"]], "faces": [[0, 0, 0]]}, "the mesh needs"),
         ({"vertices": V * np.nan, "faces": TRIANGLES}, "not finite"),

@@ -262,8 +262,8 @@ WRONG = {
     "no step": ("x.stp", b"a roof", "x.stp cannot be read as STP"),
     "no brep": ("x.brep", b"DBRep_DrawableShape\n", "x.brep cannot be read as BREP"),
     "a line": ("x.step", step_of_a_line, "it has no faces, only curves or points"),
-    "cut off dxf": ("x.dxf", b"  0\nSECTION\n", "its last word EOF is missing"),
-    "lines": ("x.dxf", dxf_of_lines, "x.dxf: the file has no mesh: no 3DFACE, MESH or polyface; export it"),
+    "cut off dxf": ("x.dxf", b"  0\nSECTION\n", "the last word EOF is missing"),
+    "lines": ("x.dxf", dxf_of_lines, "x.dxf: the file has no mesh: no 3DFACE, MESH or polyface; export the surface"),
 }
 
 
@@ -304,7 +304,7 @@ def test_foreign_readers_run_in_a_process_whose_crash_is_reported(tmp_path, monk
         separate_process.read_rhino_in_process(rhino, DrawingBudget())
     monkeypatch.setattr(separate_process, "PROGRAM", "import time; time.sleep(30)")
     monkeypatch.setitem(separate_process.SECONDS, "cad", -239.9)
-    with pytest.raises(SurfaceError, match="reading the file took more than 240 s; export it as a mesh"):
+    with pytest.raises(SurfaceError, match="reading the file took more than 240 s; export the model as a mesh"):
         read_surface(step)
 
 
@@ -351,7 +351,7 @@ def test_layers_of_a_3dm_file_become_supports_and_loads(tmp_path, within):
     assert forces == [(0, 0, -1000), (0, 0, -2000)]  # a point, and 2 m2
     assert [region.do for region in preset.pattern.region] == ["keep", "void"]
     assert "layer Support  2 points, 1 line; change surface.support" in text
-    assert "1 kPa within a curve: placeholders; change surface.load" in text
+    assert "1 kPa within each curve; change surface.load" in text
     assert "stands on" in text
     assert "support as drawn" in text
     again = tomllib.loads(proposal.text(Path("site.3dm")))

@@ -80,7 +80,11 @@ def test_a_one_sided_strip_is_read_from_a_file_unchanged(tmp_path):
 
 @pytest.mark.parametrize("load", [Pressure(1.0), Wind(1.0, (1, 0, 0))], ids=["pressure", "wind"])
 def test_loads_that_need_an_outside_refuse_a_one_sided_surface(load):
-    with pytest.raises(SurfaceError, match=r"needs faces with an outside, but 320 of these faces .* one side only"):
+    with pytest.raises(
+        SurfaceError,
+        match=r"needs faces with an outside, but 320 of these faces .* on a one-sided "
+        r"surface",
+    ):
         load.forces(moebius(), 1.0)
 
 

@@ -130,7 +130,7 @@ def test_ends_meet_within_a_share_of_the_diagonal_of_all_curves():
             if whole:
                 assert curves(triangle, far=far) == [spatial(triangle[:-1]).tolist()]
             else:
-                with pytest.raises(SurfaceError, match=r"here has a curve that is open: its ends at \(0, 0, 0\)"):
+                with pytest.raises(SurfaceError, match=r"here has an open curve, whose ends at \(0, 0, 0\)"):
                     curves(triangle, far=far)
 
 

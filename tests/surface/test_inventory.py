@@ -323,7 +323,7 @@ def test_a_gltf_file_without_a_scene_is_read_whole(tmp_path):
     file.scene, file.scenes = None, []
     file.save(str(path))
     assert read_surface(path).area == pytest.approx(2 * AREA)
-    assert raw_mesh(path).record.remarks == ("read: the file names no scene: all its objects are taken",)
+    assert raw_mesh(path).record.remarks == ("read: the file names no scene, so dsfab reads all objects",)
 
 
 @pytest.mark.parametrize("version", ["1.0", None])
@@ -340,8 +340,8 @@ def test_gltf_1_is_named(version, tmp_path):
     ("name", "words"),
     [
         ("KHR_technique_webgl", ""),
-        ("KHR_draco_mesh_compression", "KHR_draco_mesh_compression: export it without compression"),
-        ("ADESK_bend", "the file needs the extension ADESK_bend: export it without this extension"),
+        ("KHR_draco_mesh_compression", "KHR_draco_mesh_compression: export the file without compression"),
+        ("ADESK_bend", "the file needs the extension ADESK_bend: export the file without this extension"),
     ],
 )
 def test_a_required_extension_is_read_or_the_remedy_fits(name, words, tmp_path):
@@ -480,7 +480,10 @@ def test_modifiers_of_slicers_are_ignored_and_named(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (model([("", mesh_text())], '<item objectid="7"/>'), "the file places the object '7', but lacks this object"),
+        (
+            model([("", mesh_text())], '<item objectid="7"/>'),
+            "the file places the object '7', but does not contain this object",
+        ),
         (model([("", mesh_text())], '<item objectid="1"/>')[:-20], "the file's XML is broken or cut off in line 1"),
         (model([("", mesh_text().replace('x="', 'u="', 1))], ""), "a number or an object is missing or invalid"),
         (model([("", mesh_text())], '<item objectid="1" transform="1 0 0"/>'), "a number or an object is missing"),
@@ -644,7 +647,7 @@ def test_units_in_comments_and_from_grasshopper(word, metres, tmp_path):
     values = [{"ParamName": "mesh", "InnerTree": {"0": [{"type": "", "data": json.dumps(rhino_mesh().Encode())}]}}]
     request = read_request(COMPONENTS["preview"], {"values": values, "modelunits": word.title()})
     assert METRES_PER[request.unit] == pytest.approx(metres)
-    with pytest.raises(HopsError, match="the unit of the model is furlongs; work in one of mm"):
+    with pytest.raises(HopsError, match="the unit of the model is furlongs; set the model to one of these units: mm"):
         read_request(COMPONENTS["preview"], {"values": values, "modelunits": "Furlongs"})
 
 

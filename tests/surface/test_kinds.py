@@ -38,7 +38,11 @@ def test_a_vault_with_both_diagonals_is_as_large_in_each_unit(suffix, metres, tm
 @pytest.mark.parametrize("suffix", ["obj", "stl", "ply", "dxf", "3mf"])
 def test_numbers_too_large_for_any_unit_are_refused_in_each_format(suffix, tmp_path):
     WRITERS[suffix](path := tmp_path / f"roof.{suffix}", 1e160 * VAULT, halves(QUADS))
-    with pytest.raises(SurfaceError, match=r"has coordinates up to 8e\+160, too large in any unit; export it again$"):
+    with pytest.raises(
+        SurfaceError,
+        match=r"has coordinates up to 8e\+160, which are too large in any unit; export "
+        r"the file again$",
+    ):
         read_surface(path, mend=True)
 
 

@@ -81,7 +81,7 @@ def test_seams_of_any_size_are_welded(seed, size):
     mesh = mended_mesh(V, np.arange(len(V)).reshape(-1, 3))
     assert len(mesh.V) == ROOF.n
     assert manifold_faults(mesh.F, edge_table(mesh.F), len(mesh.V)) == ()
-    assert "merged with near" in mesh.repairs[0]
+    assert "merged with neighbouring" in mesh.repairs[0]
 
 
 def test_a_corner_that_marching_cubes_cut_off_is_whole_again(tmp_path):
@@ -117,7 +117,8 @@ def test_crossing_sheets_stay_apart_and_a_wall_on_a_sheet_is_sewn():
     assert both.repairs == ()
     assert pieces(both.F, edge_table(both.F))[0] == 2
     wall = mended_mesh(np.concatenate([flat.V, upright + [0, 0, 1]]), np.concatenate([flat.F, flat.F + flat.n]))
-    assert wall.repairs[0] == "7 vertices merged with near vertices, within 5e-05 times the mesh's largest side"
+    near = "within 5e-05 times the largest side of the mesh"
+    assert wall.repairs[0] == f"7 vertices merged with neighbouring vertices, {near}"
     twice = mended_mesh(np.concatenate([flat.V, flat.V]), np.concatenate([flat.F, flat.F + flat.n]))
     assert len(twice.F) == flat.m
 
@@ -150,16 +151,16 @@ def test_a_fin_on_an_inner_edge_goes():
     V = np.vstack([ROOF.V, ROOF.V[a] + [0, 0, 1]])
     mesh = mended_mesh(V, np.vstack([ROOF.F, [a, b, ROOF.n]]))
     assert_array_equal(mesh.F, ROOF.F)
-    assert "dsfab dropped 1 face on edges with two other faces (a rib?)" in mesh.repairs
+    assert "dsfab dropped 1 face on edges that already have two faces (perhaps a rib)" in mesh.repairs
 
 
 def test_a_part_in_another_unit_is_doubted():
     """Half of a bridge was in metres, the other in millimetres: it shrank to a point, which nobody was told."""
     far = ROOF.V[:, 0] > np.median(ROOF.V[:, 0])
     told = " ".join(mended_mesh(np.where(far[:, None], ROOF.V / 1e6, ROOF.V), ROOF.F).repairs)
-    assert "check that all parts are in one unit" in told
+    assert "check that all parts have the same unit" in told
     once = np.vstack([ROOF.F, [[0, 1, 0]]])
-    assert "in one unit" not in " ".join(mended_mesh(ROOF.V, once).repairs)
+    assert "the same unit" not in " ".join(mended_mesh(ROOF.V, once).repairs)
 
 
 def test_pinholes_are_closed_and_doors_are_not():
@@ -452,7 +453,7 @@ def test_a_mesh_that_is_neither_copy_nor_slab_stays(mesh):
 
 def test_parallel_sheets_give_a_remark_and_stay():
     assert [text.partition(";")[0] for text in parallel_remarks(*two_roofs())] == [
-        "the surface has two parallel sheets, 294 mm apart, and dsfab builds both"
+        "the surface has two parallel sheets, 294 mm apart, and dsfab builds both sheets"
     ]
     assert list(parallel_remarks(ROOF.V, ROOF.F)) == []
     assert "surface.mend = true" in next(parallel_remarks(*thick_shell(ROOF, 0.2)))

@@ -87,8 +87,8 @@ def test_arrays_are_copies_and_locked():
     [
         (SQUARE, np.empty((0, 3)), "no faces"),
         (np.where(SQUARE == 2, np.nan, SQUARE), TWO, r"2 of 4 vertices are not finite numbers \(first: 1, 2\)"),
-        (SQUARE, [[0, 1, 4]], r"1 face names vertices outside 0..3"),
-        (SQUARE, [[0, 1, -1]], r"1 face names vertices outside 0..3"),
+        (SQUARE, [[0, 1, 4]], r"1 face names vertex numbers outside 0..3"),
+        (SQUARE, [[0, 1, -1]], r"1 face names vertex numbers outside 0..3"),
         (SQUARE, [[0, 1, 2], [0, 1, 1]], r"1 of 2 faces have no area \(first: 1\)"),
     ],
 )

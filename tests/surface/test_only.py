@@ -41,7 +41,7 @@ def names_offered(path, name):
     with pytest.raises(SurfaceError, match=f"no visible part has the name '{name}'; the names are ") as refusal:
         raw_mesh(path, only=[name])
     assert str(refusal.value).startswith(f"{path}: ")
-    return str(refusal.value).partition("the names are ")[2].partition(": choose with --only")[0]
+    return str(refusal.value).partition("the names are ")[2].partition(": choose one name with --only")[0]
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -165,7 +165,9 @@ def test_names_that_differ_only_in_case_must_be_written_exactly(tmp_path):
     path = scene_file(tmp_path / "roof.obj", [("Roof", *PARTS[0][1:]), ("ROOF", *PARTS[1][1:])])
     assert read_surface(path, only=["Roof"]).area == pytest.approx(ROOF.area)
     assert read_surface(path, only=["ROOF"]).area == pytest.approx(WALLS.area)
-    with pytest.raises(SurfaceError, match="the name 'roof' may mean 'Roof' or 'ROOF'; write one of them exactly"):
+    with pytest.raises(
+        SurfaceError, match="the name 'roof' may mean 'Roof' or 'ROOF'; write one of these names exactly"
+    ):
         raw_mesh(path, only=["roof"])
 
 

@@ -84,7 +84,7 @@ def test_two_strips_that_overlap_by_a_third_are_one_vault(other):
     both, faces = np.vstack([V, V]), np.vstack([halves(quads[:24]), halves(quads[12:], other) + len(V)])
     mesh = mended_mesh(both, faces)
     (words,) = overlap_remarks(both, faces, faces[:0, 0])
-    assert words.startswith("24 of 96 faces lie on other faces in one plane")
+    assert words.startswith("24 of 96 faces lie on other faces in the same plane")
     assert len(mesh.F) == 2 * len(quads)
     assert facts(mesh)[:2] == (pytest.approx(area(V, halves(quads)), rel=1e-12), 1)
 
@@ -148,7 +148,7 @@ def test_a_lap_of_two_panels_is_named_and_stays():
     lap = joined(left, Surface(right.V + [1.7, 0.13, 0], right.F))
     assert mended_mesh(lap.V, lap.F).repairs == ()
     (words,) = parallel_remarks(lap.V, lap.F)
-    assert words.startswith("8 of 32 faces lie partly on other faces in one plane (first: 3, 7, ")
+    assert words.startswith("8 of 32 faces lie partly on other faces in the same plane (first: 3, 7, ")
     assert words.endswith("cut these faces where they meet other faces")
 
 
@@ -269,7 +269,7 @@ def test_a_vault_with_both_diagonals_is_one_vault_in_each_format(suffix, tmp_pat
     surface = read_surface(path, mend=True)
     assert surface.m == 2 * len(quads)
     assert surface.area == pytest.approx(area(V, halves(quads)), rel=1e-6)
-    assert any("lie on other faces in one plane" in fault for fault in describe(path).faults)
+    assert any("lie on other faces in the same plane" in fault for fault in describe(path).faults)
 
 
 @pytest.mark.parametrize("suffix", [pytest.param(".step", marks=pytest.mark.slow), ".dxf", ".3dm"])
@@ -305,9 +305,9 @@ def test_too_few_digits_far_away_are_named_and_refused(site, write, tmp_path):
         assert surface_of_file(path, raw).surface.m == len(F)
         assert words == [] or site in ("town", "land")
         return
-    assert f"has steps of {expected[site]:g} here" in words[0]
-    assert words[0].endswith("export it near the origin")
-    sentence = rf"[xy] has steps of {expected[site]:g} m here \(.*\), but the mean edge is .* m: export"
+    assert f"has steps of {expected[site]:g} in this file" in words[0]
+    assert words[0].endswith("export the mesh near the origin")
+    sentence = rf"[xy] has steps of {expected[site]:g} m in this file \(.*\), but the mean edge length is .* m: export"
     with pytest.raises(SurfaceError, match=sentence):
         surface_of_file(path, raw)
     assert describe(path).faces == len(F)

@@ -296,20 +296,20 @@ BAD = {
         TRIANGLE + "v 0 -1 0\nv 0 0 1\nf 1 2 3\nf 2 1 4\nf 1 2 5\n",
         r"1 edge has more than two faces \(first: 0-1\)",
     ),
-    "not off": ("mesh.off", "3 1 0\n0 0 0\n", "cannot be read as OFF .*the first word is not OFF"),
+    "not off": ("mesh.off", "3 1 0\n0 0 0\n", "cannot be read as OFF .*the first word of the file is not OFF"),
     "short off": ("mesh.off", "OFF\n3 1 0\n0 0 0\n", "the file announces 3 vertices, but has only 1"),
     "empty off": ("mesh.off", "OFF\n", "cannot be read as OFF"),
     "not ply": ("mesh.ply", "solid\n", "cannot be read as PLY .*no PLY header"),
-    "odd ply": ("mesh.ply", PLY_HEAD.format("ebcdic", 1), "the format 'ebcdic' is not"),
+    "odd ply": ("mesh.ply", PLY_HEAD.format("ebcdic", 1), "the format 'ebcdic' in the file's header is not"),
     "short ply": (
         "mesh.ply",
         PLY_HEAD.format("ascii", 1) + "0 0 0 7\n1 0\n",
-        "ends before the last of its 5 records of 'vertex'",
+        "ends before the last of the 5 records of the element 'vertex'",
     ),
-    "ply word": ("mesh.ply", PLY_HEAD.format("ascii", 1) + "0 0 zero 7\n", "'vertex' has a word that is no number"),
+    "ply word": ("mesh.ply", PLY_HEAD.format("ascii", 1) + "0 0 zero 7\n", "'vertex' has a word that is not a number"),
     "cut ply": ("mesh.ply", PLY_HEAD.format("binary_little_endian", 1) + "abc", "cannot be read as PLY"),
     "garbage stl": ("mesh.stl", "this is no mesh at all, really not" * 9, "mesh.stl"),
-    "garbage glb": ("mesh.glb", "abcdefgh", "there is no glTF header"),
+    "garbage glb": ("mesh.glb", "abcdefgh", "the file has no glTF header"),
     "cut glb": ("mesh.glb", "glTF\x02\x00\x00\x00\x10", "cannot be read as GLB"),
     "garbage 3mf": ("mesh.3mf", "no zip here", "cannot be read as 3MF"),
     "empty file": ("mesh.stl", "", "is empty"),
@@ -338,7 +338,7 @@ def test_a_foreign_reader_is_silent_and_its_words_reach_nobody(tmp_path, monkeyp
 
     monkeypatch.setattr("dsfab.surface.files.mesh_files.read_stl", loud)
     with pytest.raises(
-        SurfaceError, match=r"cannot be read as STL \(the file is damaged, or of a kind .*\); export it again"
+        SurfaceError, match=r"cannot be read as STL \(the file is damaged, or its kind .*\); export the file again"
     ):
         read_surface(obj(tmp_path, "solid\n", "mesh.stl"))
     assert "noise" not in caplog.text

@@ -319,8 +319,8 @@ def test_smooth_refining_keeps_boundaries_and_creases():
     [
         (0.0, 0.0, "must be a positive length in metres"),
         (np.nan, 0.0, "must be a positive length in metres"),
-        (0.1, 0.2, "the finest edge, 0.2 m, must lie between 0 and the edge, 0.1 m"),
-        (9.0, 0.0, "edges of 9 m are longer than the surface, 3.46 m"),
+        (0.1, 0.2, "the finest edge length, 0.2 m, must lie between 0 and the edge length, 0.1 m"),
+        (9.0, 0.0, "edges of 9 m are longer than the surface, whose size is 3.46 m"),
         (1e-5, 0.0, "edges of 1e-05 m takes over 4,000,000 triangles"),
     ],
 )
@@ -377,7 +377,7 @@ def test_a_preset_remeshes_its_mesh_and_keeps_its_keys(tmp_path):
     [
         ({"edge": 0.5, "refine": 0.2}, "surface: give either edge .* or refine .*, not both"),
         ({"finest": 0.2}, "surface: finest needs the key edge"),
-        ({"edge": 0.2, "finest": 0.5}, "surface: finest = 0.5 must not be longer than edge = 0.2"),
+        ({"edge": 0.2, "finest": 0.5}, "surface: finest = 0.5 must not be larger than edge = 0.2"),
         ({"edge": -1}, "surface.edge = -1: should be greater than or equal to 0"),
     ],
 )

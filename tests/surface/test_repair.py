@@ -78,7 +78,7 @@ def test_faces_that_noise_folded_over_are_flattened():
     assert is_scan(V, F)
     assert not is_scan(*noisy(0.0))
     mesh = repaired_scan(V, F)
-    assert "that noise had folded or tilted" in mesh.repairs[-1]
+    assert "that noise in the mesh had folded or tilted" in mesh.repairs[-1]
     assert (bends(mesh.V, mesh.F) > 90).sum() < 5
     assert len(mesh.F) > 0.95 * len(F)
     assert np.abs(mesh.V[:, 2] - (1 - 0.2 * mesh.V[:, 0] ** 2)).max() < 0.012

@@ -129,7 +129,7 @@ def test_feet_get_smaller_triangles_and_the_note_says_so():
     at_feet = held[surface.edges.ends].any(axis=1)
     assert sizes[at_feet].mean() < 0.12 < 0.5 * np.quantile(sizes, 0.9)
     assert sizes.max() < 1.5 * 0.4
-    assert any("with small ones where the stress changes" in note.text for note in design.notes)
+    assert any("with small triangles where the stress changes" in note.text for note in design.notes)
 
 
 @pytest.mark.slow
@@ -155,7 +155,7 @@ def test_voids_count_and_supports_are_found_again_in_another_process():
 @pytest.mark.parametrize(
     ("keys", "says"),
     [
-        ({"edge": 0.5, "finest_at": "stress"}, "surface: finest_at = 'stress' needs finest"),
+        ({"edge": 0.5, "finest_at": "stress"}, "surface: finest_at = 'stress' needs the key finest"),
         ({"edge": 0.5, "finest": 0.1, "finest_at": "wind"}, r"surface\.finest_at = 'wind': .*'curvature', 'stress' or"),
     ],
 )

@@ -24,7 +24,7 @@ def apart(places, faces):
 def test_two_triangles_that_share_no_vertex_are_joined_along_their_edge():
     found, told = with_shared_vertices(apart(SQUARE, [[0, 1, 2], [0, 2, 3]]))
     assert found.mesh.corners.tolist() == [0, 1, 2, 0, 2, 5]  # the first vertex at each place
-    assert told == ("2 vertices joined with vertices at exactly the same place",)
+    assert told == ("2 vertices merged with other vertices at exactly the same place",)
 
 
 def test_a_vertex_that_no_face_has_and_that_is_none_keeps_no_faces_apart():
@@ -39,7 +39,7 @@ def test_halves_whose_edges_all_have_a_twin_are_joined_without_being_a_soup():
     faces = [*TETRAHEDRON[:2], *[[v + 4 for v in face] for face in TETRAHEDRON[2:]]]
     found, told = with_shared_vertices(PolygonFile(polygons([*corners, *corners], faces)))
     assert found.mesh.corners.reshape(-1, 3).tolist() == TETRAHEDRON
-    assert told == ("4 vertices joined with vertices at exactly the same place",)
+    assert told == ("4 vertices merged with other vertices at exactly the same place",)
 
 
 LEAF = [[0, 0, 0], [1, 1, 0], [2, 0, 0], [0, 0, 0], [-1, -1, 0]]

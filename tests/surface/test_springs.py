@@ -223,7 +223,7 @@ def test_a_dome_on_springs_is_built_and_tells_their_reactions():
     sunk = design.statics.equilibrium.u[design.load.supported, 2] @ design.surface.vertex_areas[design.load.supported]
     area = design.surface.vertex_areas[design.load.supported].sum()
     assert sunk / area == pytest.approx(design.load.force[:, 2].sum() / 9e7, rel=1e-9)
-    assert any("of the springs' stiffness is on removed material" in note.text for note in design.notes)
+    assert any("of the stiffness of spring supports is on removed material" in note.text for note in design.notes)
 
 
 def test_supports_are_read_with_defaults():

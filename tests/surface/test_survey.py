@@ -137,4 +137,4 @@ def test_hops_gives_the_same_design_in_the_coordinates_of_the_model(design_of_ob
     sheet, _, notes = solve_preview(hops_request(preset=lines))
     answer, expected = read_rhino_json(sheet), design_of_obj.sheet.surface
     assert all(map(np.array_equal, (answer.V, answer.F), (expected.V + ORIGIN, expected.F)))
-    assert "in lines of a preset, the origin is the model's point (466 000, 5 247 000, 0) m" in notes
+    assert "the lines of the preset have their origin at the model's point (466 000, 5 247 000, 0) m" in notes

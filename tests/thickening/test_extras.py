@@ -209,11 +209,11 @@ def test_extras_are_made_in_their_order(thick_plate):
 @pytest.mark.parametrize(
     ("extra", "words"),
     [
-        (Holes(at=((0.5, 0.5, 0.0), (5.0, 0.5, 0.0)), diameter=0.1, depth=0.2), "point 2 of 2 has no material"),
+        (Holes(at=((0.5, 0.5, 0.0), (5.0, 0.5, 0.0)), diameter=0.1, depth=0.2), "point 2 of 2 is not on material"),
         (Holes(at=((0.5, 0.5, 0.0),), diameter=0.0, depth=0.2), "diameter must be a positive length"),
         (Holes(at=((0.5, 0.5, 0.0),), diameter=0.1, depth=0.2, axis=(0.0, 0.0, 0.0)), "is a zero vector"),
-        (Trim(), "needs point and normal of a plane, or low and high"),
-        (Trim(point=(0.0, 0.0, 0.0)), "needs point and normal"),
+        (Trim(), "needs the keys point and normal of a plane, or low and high"),
+        (Trim(point=(0.0, 0.0, 0.0)), "needs the keys point and normal"),
         (Trim(low=(0.0, 0.0, 0.0), high=(1.0, 0.0, 1.0)), "low must be below high"),
         (Trim(point=(-1.0, 0.0, 0.0), normal=(1.0, 0.0, 0.0)), "removes the whole solid"),
         (SplitBodies(bed=(1.0, 1.0, 1.0), apart=0.0), "apart must be a positive length"),
@@ -221,7 +221,10 @@ def test_extras_are_made_in_their_order(thick_plate):
         (SplitBodies(bed=(1.0, 1.0, 1.0), apart=0.1, dowel=0.01), "dowel and deep"),
         (Ring(width=0.0, height=0.1), "width must be a positive length"),
         (Ring(width=1.2, height=0.1), "would cross itself near"),
-        (Ring(width=0.1, height=0.1, at=Ball(center=(1.0, 0.5, 0.0), radius=0.1)), "has a picked vertex; check 'at'"),
+        (
+            Ring(width=0.1, height=0.1, at=Ball(center=(1.0, 0.5, 0.0), radius=0.1)),
+            "has a picked vertex; check the key 'at'",
+        ),
         (Feet(at=All(), height=-0.1, margin=0.05, sink=0.01), "height must be a positive length"),
     ],
 )

@@ -331,7 +331,7 @@ def test_two_plates_that_cross_become_one_cross():
     told = solid.repairs
     assert (told.rung, told.crossings, told.pairs, told.thinned) == ("united", 1, 0, 0)
     assert told.found > 0
-    assert solid.notes == ("the sheet crosses itself in one place; its parts are fused there",)
+    assert solid.notes == ("the sheet crosses itself in one place; the crossing parts of the sheet are fused",)
 
 
 def test_a_tube_through_a_sphere_has_the_right_handles_and_voids():

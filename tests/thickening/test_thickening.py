@@ -355,7 +355,7 @@ def test_sheets_closer_than_their_thickness_are_thinned_until_separate():
     assert "met itself in " in note
     assert "was thinned at " in note
     assert solid.repairs.lost == pytest.approx(1 - solid.volume / 0.2, rel=1e-9)
-    assert f"it lost {solid.repairs.lost:.2%} of its volume" in note
+    assert f"the sheet lost {solid.repairs.lost:.2%} of its volume" in note
 
 
 def test_sheets_much_closer_than_their_thickness_become_films_with_a_note():
@@ -500,7 +500,7 @@ def test_a_solid_inside_out_is_rejected():
 def test_a_volume_that_manifold3d_does_not_measure_is_rejected():
     solid = made(grid(2, 2, 1.0, 1.0), 0.1)
     solid.__dict__["volume"] = 0.1001
-    with pytest.raises(SolidError, match=r"0\.1001 m3, manifold3d measures 0\.1 m3"):
+    with pytest.raises(SolidError, match=r"0\.1001 m3, but manifold3d measures 0\.1 m3"):
         check_solid(solid)
 
 

@@ -196,9 +196,9 @@ def test_the_command_prints_a_table_json_and_a_list(capsys):
     )
     assert lines[12].split()[:5] == ["cook", "jittered", "hybrid+hhj", "16", "2112"]
     assert lines[12].endswith("ok")
-    assert lines[13] == "dsfab misses no tolerance on a finest mesh"
+    assert lines[13] == "dsfab meets all tolerances on the finest mesh of each test"
     assert lines[14] == "targets of hybrid+hhj: 3 of 3 met"
-    assert lines[15].startswith("results of different 16-cell meshes differ by up to 0.0")
+    assert lines[15].startswith("results on different meshes of 16 cells per side differ by up to 0.0")
     assert lines[16].startswith("hybrid+hhj, compared with 6 published values for meshes of equal size: better 6")
     assert main(["verify", "patch", "--json", "-e", "constant+hinge", "-e", "quadratic+midedge"]) == 0
     rows = json.loads(capsys.readouterr().out)

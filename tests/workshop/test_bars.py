@@ -265,7 +265,7 @@ def test_the_sharpest_angle_has_a_place_and_bars_that_lose_a_side_are_named():
     bars[k], bars[other] = replace(bars[k], ends=tuple(ends[0])), replace(bars[other], ends=tuple(ends[1]))
     names = bars[k].bay.id, bars[other].bay.id
     told = replace(plan, bar_lattice=replace(plan.bar_lattice, bars=tuple(bars))).lines
-    (angle,) = (line for line in told if "sharpest angle" in line)
+    (angle,) = (line for line in told if "smallest angle" in line)
     assert angle.endswith(f"is 7 degrees, between {names[0]} and {names[1]} at {joint.node.id}")
     (lost,) = (line for line in told if "lose more than half of one side" in line)
     assert lost.startswith("2 bars lose")
@@ -306,7 +306,11 @@ def test_bars_of_a_node_are_apart_and_bolts_pass_bar_and_plate(name):
 
 def test_members_too_near_to_each_other_for_bars_are_refused_in_a_sentence():
     graph = graph_of("hypar")
-    with pytest.raises(PatternError, match=r"bays are too short for a bar with a bolt of 60 mm .* workshop.route"):
+    with pytest.raises(
+        PatternError,
+        match=r"bays \(parts of members between nodes\) are too short for a bar with a "
+        r"bolt of 60 mm .* workshop.route",
+    ):
         member_lattice(graph, 0.06)
 
 
@@ -330,7 +334,7 @@ def test_auto_takes_bars_if_strips_cannot_be_bent_and_gives_the_excess(vault):
     assert thick.bars.stock.bar == 0.08
     times = max(limits.bending, limits.shape) / limit
     assert f"{times:.1f} times the strain that the material bears" in thick.reason
-    assert f"could be bent are {length(0.04 * limit / limits.bending)}" in thick.reason
+    assert f"that can be bent is {length(0.04 * limit / limits.bending)}" in thick.reason
     thin = construction_route(vault, graph, Layering(0.99 * limits.thickest, 2, 0.012))
     assert thin.name == "strips"
     assert "can be bent" in thin.reason
@@ -343,7 +347,7 @@ def test_auto_takes_bars_if_strips_cannot_be_bent_and_gives_the_excess(vault):
     assert long.name == "strips"
     assert "but bars are longer than the stock (B" in long.reason
     assert "but bars are impossible too" in near.reason
-    assert "take workshop.route" not in near.reason  # strips are the route that was taken
+    assert "use workshop.route" not in near.reason  # strips are the route that was taken
     assert "upright planks are impossible: a plank that is 100 mm deep and 80 mm thick" in near.reason
 
 
@@ -358,7 +362,8 @@ def test_auto_takes_planks_where_bars_would_leave_the_surface_and_planks_can_be_
     bars = design_bars(vault, graph)
     assert bars.largest_sagitta > 0.1  # half of a member's width
     assert (
-        f"bars would leave the surface by up to {length(bars.largest_sagitta)}, and members are 200 mm" in route.reason
+        f"bars would be up to {length(bars.largest_sagitta)} from the surface, but members are only 200 "
+        f"mm" in route.reason
     )
     assert f"to a strain of {max(bends.values()):.2%} (allowed: {limit:.2%}); planks cross at 88" in route.reason
     assert_hindrances(route.planks)
@@ -370,9 +375,12 @@ def assert_hindrances(plan):
     bend = max(plan.planks.bends.values())
     assert f"bend out of their plane to a strain of {bend:.2%}" in replace(plan, limit=0.9 * bend).obstacle
     for changes, said in (
-        ({"stuck": {"A01": 0.3, "A02": 0.4}}, "slots of 2 of them differ by up to 23 degrees"),
-        ({"crowded": ["N1 in A01"]}, "without wood between them: N1 in A01"),
-        ({"crossings": PlankCrossings([], ["N7"])}, "meet at under 30 degrees at N7, too sharp for slots"),
+        ({"stuck": {"A01": 0.3, "A02": 0.4}}, "in 2 planks, slots differ by up to 23 degrees"),
+        ({"crowded": ["N1 in A01"]}, "without wood between these slots: N1 in A01"),
+        (
+            {"crossings": PlankCrossings([], ["N7"])},
+            "meet at angles below 30 degrees at N7, which is too sharp for slots",
+        ),
     ):
         assert said in replace(plan, planks=replace(plan.planks, **changes)).obstacle
 
@@ -413,7 +421,7 @@ def test_a_plate_below_strips_has_a_hole_for_the_bolt_of_its_node_and_two_for_an
     slope = np.arctan2(abs(node.normal[0]), node.normal[2])
     assert fold.angle == pytest.approx(-slope, abs=1e-6)
     (line,) = leg_lines([fold.angle], [])
-    assert line.endswith(f"fold it by {np.degrees(slope):.0f} to {np.degrees(slope):.0f} degrees")
+    assert line.endswith(f"fold the leg by {np.degrees(slope):.0f} to {np.degrees(slope):.0f} degrees")
     assert leg_lines([], ["N1"]) == [line for line in leg_lines([0.5], ["N1"]) if line.startswith("no leg at N1: ")]
 
 
@@ -435,7 +443,7 @@ def test_node_plates_of_a_vault_follow_the_slope_of_the_arch_at_its_springing(va
         assert sum(hole.diameter == 0.016 for hole in part.holes) == 2
         assert len(part.folds) == len(joint.bars) + 1
         assert polygon_area(part.outline) > 0
-    assert any("have a leg with anchors; to make the leg level, fold it by 6" in line for line in plan.lines)
+    assert any("have a leg with anchors; to make the leg level, fold the leg by 6" in line for line in plan.lines)
 
 
 @pytest.mark.slow
@@ -465,7 +473,7 @@ def test_bars_of_a_model_and_bars_longer_than_the_stock_are_refused_in_a_sentenc
     model = Design.from_preset(
         with_overrides(vault.preset, {"workshop.route": "bars", "workshop.model": 50}), vault
     ).until("slicing")
-    with pytest.raises(PatternError, match="a model is built of strips"):
+    with pytest.raises(PatternError, match="dsfab builds models only from strips"):
         workshop_plan(model)
     stock = {"workshop.route": "bars", "workshop.stock": [[2.5, 1.25]]}
     short = Design.from_preset(with_overrides(vault.preset, stock), vault).until("slicing")

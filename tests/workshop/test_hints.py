@@ -28,7 +28,7 @@ def hints(parts, stock, gap=GAP):
 def test_strips_that_are_a_little_too_wide_for_one_more_row():
     """(1.25 - .008) / (.2 + .008) = 5.97, / (.19 + .008) = 6.27: of 11 strips, five or six lie on a sheet."""
     said, *_ = hints(strips(11, 2.4, 0.2), [(2.5, 1.25)])
-    assert said.startswith("with strips 190 mm wide instead of 200 mm, the parts would need 2 sheets instead of 3")
+    assert said.startswith("if strips were 190 mm wide instead of 200 mm, the parts would need 2 sheets instead of 3")
 
 
 def test_the_hint_gives_the_least_narrowing_that_saves_a_sheet():
@@ -42,7 +42,7 @@ def test_the_hint_gives_the_least_narrowing_that_saves_a_sheet():
 def test_stock_that_is_a_little_longer_holds_two_in_a_row():
     """2 x 1.3 m fit into 2.75 m and not into 2.5 m: 10 strips on one sheet of a tenth more, in place of two."""
     (said,) = hints(strips(10, 1.3, 0.2), [(2.5, 1.25)])
-    assert said == "stock of 2.75 x 1.25 m would need 1 sheet instead of 2, 45% less of it"
+    assert said == "a stock of 2.75 x 1.25 m sheets would need 1 sheet instead of 2, with 45% less area of material"
     assert hints(strips(10, 1.3, 0.2), [(2.5, 1.25), (2.6, 1.25)]) == []
 
 
@@ -54,7 +54,7 @@ def test_strips_are_not_made_narrower_than_their_bolts_allow():
 
 def test_the_hint_for_strips_of_several_widths_is_a_share():
     said, *_ = hints(strips(11, 2.4, 0.2) + strips(1, 2.4, 0.1), [(2.5, 1.25)])
-    assert said.startswith("with strips 5% narrower, the parts would need 2 sheets instead of 3")
+    assert said.startswith("if strips were 5% narrower, the parts would need 2 sheets instead of 3")
 
 
 def test_a_narrower_strip_keeps_its_axis_and_a_plate_stays():

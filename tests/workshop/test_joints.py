@@ -117,7 +117,9 @@ def test_pieces_with_scarfs_lie_on_each_other_by_eight_thicknesses(ribs):
 
 def test_joints_too_long_for_the_stock_are_refused():
     """It divided a sheet into a million pieces."""
-    with pytest.raises(PatternError, match="80 mm long, too long for stock with room for parts of 100 mm"):
+    with pytest.raises(
+        PatternError, match="80 mm long, too long for sheets of the stock, which have room for parts of 100 mm"
+    ):
         sheet_parts(ribbed(whole), [(0.1, 0.1)], SheetJoint("fingers", 0.02))
 
 

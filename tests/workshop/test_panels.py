@@ -70,7 +70,7 @@ def test_panels_are_simple_polygons_and_through_panels_are_whole(name):
 
 def test_a_vault_of_panels_has_its_pages_and_panels_are_for_models():
     vault = sliced(load_preset("barrel_vault", {"surface.edge": 0.5}))
-    with pytest.raises(PatternError, match="panels with tabs are for models in card: give --model 1:50"):
+    with pytest.raises(PatternError, match="panels with tabs are only for models in card: give --model 1:50"):
         workshop_plan(
             Design.from_preset(with_overrides(vault.preset, {"workshop.route": "panels"}), vault).until("slicing")
         )

@@ -224,10 +224,14 @@ def test_arches_are_assembled_before_purlins():
     vault = sliced(load_preset("barrel_vault", {"surface.edge": 0.5}))
     assert [one for one in standing_order(vault.members, UP) if one in ("major", "minor")] == ["minor", "major"]
     thick = with_overrides(vault.preset, {"workshop.route": "planks", "workshop.depth": 0.1})
-    with pytest.raises(PatternError, match=r"100 mm deep and 80 mm thick does not stand upright: set workshop\.t"):
+    with pytest.raises(
+        PatternError,
+        match=r"100 mm deep and 80 mm thick is not slender enough for an upright plank: "
+        r"set workshop\.t",
+    ):
         workshop_plan(Design.from_preset(thick, vault).until("slicing"))
     model = with_overrides(vault.preset, {"workshop.route": "planks", "workshop.model": 50})
-    with pytest.raises(PatternError, match="a model is built of strips"):
+    with pytest.raises(PatternError, match="dsfab builds models only from strips"):
         workshop_plan(Design.from_preset(model, vault).until("slicing"))
 
 
@@ -239,7 +243,7 @@ def test_planks_of_a_vault_stand_on_the_ground_and_are_written(tmp_path, capsys)
     assert main([*words, "--ifc", "-o", str(tmp_path / "one")]) == 0
     said = capsys.readouterr().out
     assert "18 upright planks, 200 mm deep and 30 mm thick, are bent out of their plane" in said
-    assert "ends at supports are cut along the ground" in said
+    assert "ends of planks at supports are cut parallel to the ground" in said
     names = {path.name for path in (tmp_path / "one").iterdir()}
     assert {"nest.dxf", "assembly.pdf", "index.html", "members.ifc", "cutlist.csv"} <= names
     vault = sliced(load_preset("barrel_vault", {"surface.edge": 0.5}))

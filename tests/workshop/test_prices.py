@@ -88,7 +88,7 @@ def test_parts_are_spliced_for_shorter_sheets_if_long_sheets_are_expensive():
 @pytest.mark.parametrize(
     ("prices", "said"),
     [
-        ([45, 60], "prices has 2 entries, but stock has 1 size; give one price for each size"),
+        ([45, 60], "prices has 2 entries, but stock has 1 size; give a price for each size of sheet"),
         ([0], r"workshop\.prices\.0 = 0: should be greater than 0"),
         ("cheap", r"workshop\.prices = 'cheap': should be a list"),
     ],

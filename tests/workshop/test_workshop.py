@@ -203,7 +203,7 @@ def test_splices_of_a_vault_share_few_covers_whose_holes_fit_their_pieces(vault,
 
 def test_a_note_says_how_few_shapes_parts_have_if_five_millimetres_do_not_count(plan):
     (note,) = (note for note in plan.notes if "workshop.alike" in note)
-    words = r"\d+ parts of (\d+) shapes; workshop.alike = (\S+) leaves (\d+) shapes or fewer"
+    words = r"\d+ parts of (\d+) shapes; workshop.alike = (\S+) would leave at most (\d+) different shapes"
     shapes, distance, fewer = re.fullmatch(words, note).groups()
     assert (int(shapes), float(distance)) == (len(plan.equal_parts), 0.005)
     assert int(fewer) < int(shapes)
@@ -293,7 +293,7 @@ def test_the_bending_limits_of_a_sphere_follow_its_radius():
     told = f"the thickest layer that can be bent is {1000 * found.thickest:.3g} mm"
     assert any(line.startswith("NOT POSSIBLE") and told in line for line in found.lines)
     (coarse,) = (line for line in found.lines if line.startswith("NOT TO DRILL FROM"))
-    assert "holes may be 2.01 mm off; set surface.edge to 0.5 or less" in coarse
+    assert "holes may be 2.01 mm from their right places; set surface.edge to 0.5 or less" in coarse
     assert any("stretches strips by up to" in line for line in found.lines)
     assert not any("stretches" in line for line in replace(found, shape=1e-6).lines)  # it would be "0.000%"
     thin = strip_limits(graph, made.surface, 0.012, 1.2e-3, 0.2)

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from dsfab.app.terminal import print_result
 from dsfab.core.errors import DsfabError
 
-UNSET = 'PYTHON = ""'  # Line of the add-on that `addon` replaces by the path of a Python with dsfab.
+UNSET = 'PYTHON = ""'  # Line of the add-on's text in which `addon` inserts the path of a Python with dsfab.
 
 
 def addon(python: str) -> str:
@@ -35,6 +35,7 @@ def blender(
     with atomic_file(output) as path:
         path.write_text(addon(sys.executable), encoding="utf-8")
     print_result(
-        f"written to {output}; in Blender: Preferences > Add-ons > Install from Disk, then sidebar (N) > dsfab"
+        f"the add-on was written to {output}; in Blender: Preferences > Add-ons > Install from Disk, then sidebar "
+        f"(N) > dsfab"
     )
     return 0

@@ -25,7 +25,7 @@ bl_info = {
 }
 
 PYTHON = ""  # Path of the Python that has dsfab; empty for Blender's own Python.
-MADE_OF = "dsfab_source"  # Property of results, with the name of the source object.
+MADE_OF = "dsfab_source"  # Custom property of results; its value is the source object's name.
 WITH_FACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}  # Types of objects that Blender can turn into a mesh.
 
 
@@ -50,17 +50,18 @@ class Wishes(bpy.types.PropertyGroup):
 
     preset: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Preset",
-        description="A .toml file, or the name of a preset of dsfab; empty: dsfab decides by the mesh",
+        description="A .toml file, or the name of a preset of dsfab; if empty, dsfab proposes a preset for the mesh",
         subtype="FILE_PATH",
     )
     changes: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Changes", description="New values for keys, separated by spaces: statics.material=S235 pattern.rotate=45"
+        name="Changes",
+        description="New values for keys of the preset, separated by spaces: statics.material=S235 pattern.rotate=45",
     )
 
 
 def mesh_file(source: bpy.types.Object, metres: float, path: Path) -> None:
     """Write an object with its modifiers to an OBJ file, in metres and world coordinates. Raises BuildError.
-    metres : length of a unit of the scene."""
+    metres : length of the scene's unit, m."""
     if source.get(MADE_OF):
         raise BuildError(f"{source.name} is a result of dsfab; select the object {source[MADE_OF]} instead")
     if source.type not in WITH_FACES:
@@ -94,17 +95,17 @@ def command(python: str, mesh: Path, settings: Wishes, output: Path) -> list[str
 
 
 def failure_sentence(code: int, output: str) -> str:
-    """Return a message about a failed build."""
+    """Return a message about a failed build. code : exit code.    output : text that the build printed."""
     lines = [line for line in output.strip().splitlines() if line]
     messages = [line.removeprefix("dsfab: ") for line in lines if line.startswith("dsfab: ")]
     if "No module named dsfab" in output or "No module named 'dsfab'" in output:
-        return "this Python has no dsfab; name another one in the preferences of the add-on"
+        return "this Python has no dsfab; name another Python in the preferences of the add-on"
     return messages[-1] if messages else f"dsfab ended with {code}: {lines[-1] if lines else 'no word'}"
 
 
 def import_meshes(path: Path, source: str, collection: bpy.types.Collection, metres: float) -> list[bpy.types.Object]:
     """Import the meshes of a GLB file into a collection; return the new objects.
-    source : name of the object that was built.    metres : length of a unit of the scene."""
+    source : name of the object from which the structure was built.    metres : length of the scene's unit, m."""
     before = set(bpy.data.objects)
     unit = bpy.context.scene.unit_settings
     unit.scale_length = 1.0  # with 1.0 the importer does not scale; the loop below scales
@@ -130,14 +131,14 @@ def import_meshes(path: Path, source: str, collection: bpy.types.Collection, met
 
 
 def new_collection(name: str, under: bpy.types.Collection) -> bpy.types.Collection:
-    """Return a new collection inside `under` for the build of object `name`. Removes the earlier collection."""
+    """Return a new collection inside `under` for the structure of object `name`. Removes the previous collection."""
     for earlier in [item for item in bpy.data.collections if item.get(MADE_OF) == name]:
         for part in (*earlier.children_recursive, earlier):
             for item in list(part.objects):
                 if item.get(MADE_OF):
                     bpy.data.objects.remove(item)
                 elif not set(item.users_collection) - {part}:
-                    under.objects.link(item)  # keep an object that the user has put here
+                    under.objects.link(item)  # objects that the user has put in the collection are kept
             bpy.data.collections.remove(part)
     collection = bpy.data.collections.new(f"{name} structure")
     collection[MADE_OF] = name
@@ -146,7 +147,7 @@ def new_collection(name: str, under: bpy.types.Collection) -> bpy.types.Collecti
 
 
 def view_layer_of(collection: bpy.types.Collection) -> bpy.types.LayerCollection:
-    """Return the entry of a collection in the view layer."""
+    """Return the `LayerCollection` of a collection in the current view layer."""
     layers = [bpy.context.view_layer.layer_collection]
     while layers:
         layer = layers.pop()
@@ -157,8 +158,8 @@ def view_layer_of(collection: bpy.types.Collection) -> bpy.types.LayerCollection
 
 
 def show_result(folder: Path, source: bpy.types.Object, metres: float) -> int:
-    """Import the solid and the members of a built folder; return the number of members.
-    metres : length of a unit of the scene."""
+    """Import the solid and the members from the folder of a build; return the number of members.
+    source : object from which the structure was built.    metres : length of the scene's unit, m."""
     collection = new_collection(source.name, bpy.context.scene.collection)
     solid_file = next(path for path in folder.glob("*.glb") if not path.stem.endswith(".members"))
     for solid in import_meshes(solid_file, source.name, collection, metres):
@@ -167,7 +168,7 @@ def show_result(folder: Path, source: bpy.types.Object, metres: float) -> int:
     collection.children.link(members)
     bodies = import_meshes(next(folder.glob("*.members.glb")), source.name, members, metres)
     view_layer_of(members).hide_viewport = True
-    bpy.context.view_layer.objects.active = source  # the next build takes this object again
+    bpy.context.view_layer.objects.active = source  # the next build starts from the active object
     source.hide_set(True)
     return len(bodies)
 
@@ -217,14 +218,14 @@ class Build(bpy.types.Operator):
         output = (folder / "said.txt").read_text(encoding="utf-8", errors="replace")
         source = bpy.data.objects.get(self._source)
         if self._process.returncode or source is None:
-            missing_message = f"{self._source} is not there any more"
+            missing_message = f"the object {self._source} does not exist any more"
             self._report_error(
                 missing_message if source is None else failure_sentence(self._process.returncode, output)
             )
             return {"CANCELLED"}
         count = show_result(folder / "built", source, self._metres)
         self._folder.cleanup()
-        self.report({"INFO"}, f"{source.name}: a solid, and {count} members in a hidden collection")
+        self.report({"INFO"}, f"{source.name}: dsfab built a solid, and {count} members in a hidden collection")
         return {"FINISHED"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -235,17 +236,17 @@ class Build(bpy.types.Operator):
         return self._end()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Build while the user continues to work."""
+        """Start the build; the user can continue to work."""
         if not self._begin(context):
             return {"CANCELLED"}
         manager = context.window_manager
         self._timer = manager.event_timer_add(0.2, window=context.window)
         manager.modal_handler_add(self)
-        context.workspace.status_text_set("dsfab is building. Esc ends it.")
+        context.workspace.status_text_set("dsfab is building. Press Esc to stop the build.")
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """End the build if the program has ended or the user presses Esc."""
+        """Finish if the build process has ended; cancel the process if the user presses Esc."""
         stopped = event.type == "ESC"
         if not stopped and self._process.poll() is None:
             return {"PASS_THROUGH"}

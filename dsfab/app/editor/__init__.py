@@ -19,10 +19,10 @@ def edit(
     /,
     *,
     source: Source = UNCHANGED,
-    port: Annotated[int, Parameter(help="Port on this machine; 0 takes a free one.")] = 0,
+    port: Annotated[int, Parameter(help="Port on this machine; 0 takes a free port.")] = 0,
     open_: Annotated[bool, Parameter(name="--open", help="Open the editor in the browser.")] = True,
 ) -> int:
-    """Pull sliders and see the structure change, in your own browser; nothing leaves this machine.
+    """Change a design with sliders in your own browser; no data leave this machine.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def edit(
             server = EditorServer(session, port)
         except OSError as error:
             raise DsfabError(
-                f"port {port} cannot be used ({error.strerror}); leave --port out for a free one"
+                f"port {port} cannot be used ({error.strerror}); leave --port out for a free port"
             ) from None
         with server:
             try:

@@ -1,7 +1,8 @@
 """Program that builds and reads meshes for the editor, in a separate process.
 
-standard input : the length n of the request (8 bytes), then the pickled request (n bytes).
-standard output: lines of JSON with the progress, then a line with the key done, preset, refused or mistaken"""
+standard input : the length n of the request (8 bytes), then the pickled request (n bytes)
+standard output: lines of JSON. The first lines report the progress. The last line has the result (key `done` or
+    `preset`), a DsfabError (`refused`), or an unexpected error (`mistaken`)."""
 
 import json
 import os

@@ -32,7 +32,7 @@ from dsfab.report.design.save import save
 
 @dataclass(frozen=True)
 class EditorBuild:
-    """Result of a build: files, and facts that the editor's page shows."""
+    """Result of a build: paths of the files, and values that the editor's page shows."""
 
     files: list[Path]
     facts: dict[str, Any]
@@ -41,8 +41,8 @@ class EditorBuild:
 @dataclass(frozen=True)
 class BuildRequest:
     """A request to build a preset.
-    old     : design whose unchanged stages are used again.    mesh : mesh file that is open in the editor.
-    only    : a single format as in `dsfab export --to`; '' for all files.    before : folder of an earlier build."""
+    old    : earlier design; the build uses its unchanged results again.    mesh : mesh file from the page.
+    only   : format of a single file, as in `dsfab export --to`; '' for all.    before : folder of an earlier build."""
 
     preset: Preset
     old: Design | None = None
@@ -101,8 +101,8 @@ def _mesh_copy_path(mesh: Path, folder: Path) -> Path:
 def draw_png(
     preset: Preset, earlier: Design | None, view: str, show: str, size: tuple[int, int], progress: ReportProgress
 ) -> bytes:
-    """Return a picture of a preset as a PNG file. Raises DsfabError if drawing fails.
-    earlier : design whose unchanged stages are used again.    size : pixels."""
+    """Return a picture of a preset as the bytes of a PNG file. Raises DsfabError if drawing fails.
+    earlier : design whose results are used again if they are unchanged.    size : width and height, pixels."""
     from PIL import Image
 
     from dsfab.render import light
@@ -122,7 +122,7 @@ PROGRAM = "import sys; sys.path.append(sys.argv[1]); from dsfab.app.editor.build
 
 
 class BuilderError(RuntimeError):
-    """An unexpected error in the separate process that builds a preset."""
+    """Unexpected error in the separate process that builds a preset."""
 
 
 def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:
@@ -134,7 +134,9 @@ def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress)
             tempfile.TemporaryDirectory(dir=folder.parent, ignore_cleanup_errors=True) as temporary,
             _process(Path(temporary)) as process,
         ):
-            answer = _final_message(process, message, progress, "the build", "build with fewer kinds of files")
+            answer = _final_message(
+                process, message, progress, "the build", "choose fewer kinds of files, and build again"
+            )
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
@@ -204,7 +206,7 @@ def _process(temporary: Path) -> Iterator["subprocess.Popen[bytes]"]:
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         env={**os.environ, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(temporary))},
-        start_new_session=True,  # `_end` kills the whole group
+        start_new_session=True,  # lets `_end` kill all child processes, too
     )
     try:
         yield process
@@ -227,14 +229,14 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
 
 
 class Builds:
-    """Builds of a session, by number, with their files."""
+    """The builds of an editor session; each build has a number and files."""
 
     def __init__(self, outputs: Outputs, aside: Path) -> None:
         self.outputs, self._aside = outputs, aside
         self._files: dict[int, list[Path]] = {}
 
     def file(self, build: int, index: int) -> Path | None:
-        """Return the path of file `index` (from 0) of a build; None without this file."""
+        """Return the path of file `index` (from 0) of build number `build`; None if the file does not exist."""
         files = self._files.get(build, [])
         return files[index] if 0 <= index < len(files) else None
 
@@ -244,16 +246,16 @@ class Builds:
         return list(self._files[max(self._files)]) if self._files else []
 
     def replacement_question(self, name: str) -> dict[str, Any]:
-        """Return a question (`taken`) and a `free` name if a build would replace files in folder `name`; else {}."""
+        """Return {} if folder `name` has no old files; else a warning as `taken`, and an unused name as `free`."""
         count = self.outputs.foreign_files(name)
         if not count:
             return {}
         words = f"{self.outputs.label}/{name} holds {'1 file' if count == 1 else f'{count} files'} of before; "
-        text = words + "a build would replace files of the same names, and files of an earlier build."
+        text = words + "a new build would replace files with the same names, and all files of an earlier build."
         return {"taken": text, "free": self.outputs.free_name(name)}
 
     def make(self, request: BuildRequest, progress: JobProgress) -> dict[str, Any]:
-        """Build a preset and return facts. Raises DsfabError and Cancelled."""
+        """Build a preset; return its number, folder, files and results for JSON. Raises DsfabError and Cancelled."""
         name = request.preset.name
         request = replace(request, before=self.outputs.folder(name))
         folder = Path(tempfile.mkdtemp(prefix="build-", dir=self._aside))
@@ -265,6 +267,6 @@ class Builds:
         listed = [{"name": path.name, "bytes": path.stat().st_size} for path in files]
         place = f"{self.outputs.label}/{name}" if self.outputs.label else ""
         facts = result.facts
-        if "told" in facts:  # messages name the temporary folder; the final folder replaces it
+        if "told" in facts:  # replace the temporary folder in messages by the final folder
             facts = facts | {"told": [line.replace(str(folder), place or str(published)) for line in facts["told"]]}
         return {"build": number, "files": listed, "folder": place, **facts}

@@ -17,12 +17,12 @@ from dsfab.surface import Surface
 class Control:
     """A control on the editor's page, for a key of a preset.
     kind  : number, whole, choice, switch, length (metres), words (a list), size (three lengths) or material.
-    low, high, step : range of the slider.
-    live  : True if the page draws a change without the server.
-    word  : word that the key accepts in place of a number, such as "auto".
-    worth : number that means the same as the word, or None.
-    method  : the only pattern.method with this control; '' for all.
-    instead : spacing (metres) that the page shows for a value of 0."""
+    low, high, step : range and step of the slider.
+    live    : True if the browser alone can draw a changed value.
+    word    : word that the key accepts in place of a number, such as "auto".
+    worth   : number that has the same effect as `word`, or None.
+    method  : pattern.method that has this control; '' if all methods have this control.
+    instead : spacing (metres) that the page shows if the value is 0."""
 
     group: str
     key: str
@@ -49,7 +49,7 @@ def rounded_to_one_digit(value: float) -> float:
 
 
 def surface_controls(surface: Surface) -> list[Control]:
-    """Return the controls for stripe directions, sheet, mesh and workshop."""
+    """Return the controls for the stripe directions, the sheet, the mesh and the workshop."""
     return [*_direction_controls(), *_sheet_controls(surface), *_mesh_controls(surface), *_workshop_controls(surface)]
 
 
@@ -66,7 +66,10 @@ def _direction_controls() -> list[Control]:
     ]
 
 
-_GAMMA = "gamma: factor on the loads. Faces with similar principal stresses count as isotropic; gamma decides which."
+_GAMMA = (
+    "gamma: factor on the loads. Faces with similar principal stresses count as isotropic; gamma decides how similar "
+    "they must be."
+)
 _MODE_SYMMETRY = "Symmetries of the modes (comma list): x, y or z for a mirror, rot:6:z for rotations by 60° about z."
 
 
@@ -94,16 +97,25 @@ def _mesh_controls(surface: Surface) -> list[Control]:
     ]
 
 
-_REFINE = "Triangles are divided until no edge is longer than this; off divides nothing."
-_SMOOTH = "The division of triangles also rounds the surface (Loop subdivision)."
+_REFINE = "Triangles are divided until no edge is longer than this; off: no triangle is divided."
+_SMOOTH = "When triangles are divided, new vertices also round the surface (Loop subdivision)."
 
 
 def _workshop_controls(surface: Surface) -> list[Control]:
     group, thin = "workshop", rounded_to_one_digit(surface.size / 3000)
     limits = {
-        "min_member": ("min. member", "The narrowest member that can be made; narrower ones are reported."),
-        "min_gap": ("min. gap", "The narrowest opening that can be made; narrower ones are reported."),
-        "min_wall": ("min. wall", "The thinnest wall of the solid that can be made; thinner ones are reported."),
+        "min_member": (
+            "min. member",
+            "Width of the narrowest member that the workshop can make; dsfab reports narrower members.",
+        ),
+        "min_gap": (
+            "min. gap",
+            "Width of the narrowest opening that the workshop can make; dsfab reports narrower openings.",
+        ),
+        "min_wall": (
+            "min. wall",
+            "The thinnest wall of the solid that the workshop can make; dsfab reports thinner walls.",
+        ),
     }
     return [
         *(
@@ -120,10 +132,14 @@ _NO_SLITS = (
     "Closes openings and widens members that are too narrow for a workshop; the limits depend on the thickness. "
     "A dash means the default: on for evenly spaced stripes, unless the width rule is 'stressed'."
 )
-_BED = "Space in the machine along x, y and z in metres, for instance 0.25 x 0.21 x 0.2; empty: no check of the size."
+_BED = (
+    "Space in the fabrication machine along x, y and z in metres, for instance 0.25 x 0.21 x 0.2; empty: no check of "
+    "the size."
+)
 
 _ACCEPT = (
-    "Build even if a load has no support, the sheet is a thin film, or a member or opening is too narrow to be made."
+    "Build even if a load has no support, the sheet is a thin film, or a member or opening is too narrow for "
+    "fabrication."
 )
 
 
@@ -161,12 +177,21 @@ def _method_controls() -> list[Control]:
 
 
 _METHOD = "modes: stripes along level lines of eigenmodes; stripes: evenly spaced stripes along the stress."
-_FAMILIES = "A single family has no crossings; the rim and kept regions hold its members together."
+_FAMILIES = (
+    "Families of stripes to draw. Members of a single family never cross; only the rim and kept regions connect these "
+    "members."
+)
 _HALVE = "Where stripes crowd, every second stripe ends on a crossing member."
 _STRIPE_SYMMETRY = "auto: stripes have all symmetries of surface, supports and loads; none: dsfab ignores symmetries."
-_FORCES = "Stripes follow forces in the uncut sheet, or in the stiffest sheet of varying thickness (set a fraction)."
-_ROUNDS = "Number of times that the stripes are computed again with their own weight; 0: weight of the uncut sheet."
-_CROWDING = "avoid: if dsfab would fill openings side by side, it tries up to four other patterns."
+_FORCES = (
+    "Stripes follow forces in the uncut sheet, or in the stiffest sheet of varying thickness. For that sheet, set a "
+    "solid fraction."
+)
+_ROUNDS = (
+    "Number of times that the stripes are computed again with their own weight; 0: the stripes are computed with the "
+    "weight of the uncut sheet."
+)
+_CROWDING = "avoid: if neighbouring openings would be filled, dsfab tries up to four other patterns."
 _TURN = "Angle between stripes and stress in degrees, for both families; 90 exchanges the families."
 
 
@@ -185,9 +210,14 @@ def _family_controls(name: str, preset: Preset, surface: Surface, reach: float) 
     ]
 
 
-_MODE = "Number of the mode, a field that stripes follow; 1 is the smoothest. auto selects the stiffest of several."
+_MODE = (
+    "Number of the mode, a field that stripes follow; mode 1 is the smoothest. auto selects the mode with the "
+    "stiffest design."
+)
 _PHASE = "Moves the stripes sideways."
-_FREQUENCY = "Number of stripes while the mode's value grows by 1; a larger number gives a finer pattern."
+_FREQUENCY = (
+    "Number of stripes between places where the values of the mode differ by 1; a larger number gives a finer pattern."
+)
 _SPACING = "Metres from one stripe to the next. For stripes from modes, 0 means that the frequency sets the spacing."
 
 
@@ -199,7 +229,9 @@ def _width_controls(reach: float) -> list[Control]:
         Control(group, key + "solid_fraction", "solid fraction", high=0.95, step=0.005, hint=_FRACTION),
         Control(group, missed, "may miss it by", high=0.1, step=0.001, live=False, hint=_MISSED),
         Control(group, key + "member", "width", "length", "m", high=reach, step=fine, hint="Of members, if constant."),
-        Control(group, key + "q", "grading", high=4, step=0.05, hint="Widths grow with this power of the stress."),
+        Control(
+            group, key + "q", "grading", high=4, step=0.05, hint="Widths of members grow with this power of the stress."
+        ),
         Control(group, key + "steps", "steps", "whole", low=1, high=50, step=1, live=False, hint=_STEPS),
         Control(
             group, key + "min_width", "min. width", "length", "m", high=reach, step=fine, word="auto", hint=_THINNEST
@@ -211,13 +243,14 @@ def _width_controls(reach: float) -> list[Control]:
 
 _RULE = (
     "plain: thresholds of the families set the widths; constant: one width in metres; graded: the width grows with the "
-    "stress; stressed: the energy of the cut sheet decides."
+    "stress; stressed: the strain energy in the cut sheet sets the widths."
 )
-_STEPS = "Steps of the rule stressed: in each step dsfab cuts, solves and widens; the stiffest result counts."
-_FRACTION = (
-    "Share of the surface that is material: widths are computed from this share. 0 leaves the widths as they are."
+_STEPS = (
+    "Steps of the width rule 'stressed'. In each step dsfab cuts and solves the sheet, and changes widths. The "
+    "stiffest sheet is kept."
 )
-_MISSED = "Largest error of the solid fraction where it cannot be met exactly. A note states the actual share."
+_FRACTION = "Share of the surface that is material: widths are computed from this share. 0 does not change the widths."
+_MISSED = "Largest allowed error, if the solid fraction cannot be met exactly. A note states the actual share."
 _NONE = "0 sets no limit."
 _THINNEST = (
     "0 sets no limit. auto: for evenly spaced members of graded width, the limit is the thickness of the sheet. The "
@@ -226,7 +259,7 @@ _THINNEST = (
 
 
 def _kept_controls(reach: float) -> list[Control]:
-    keep_hint = "All points up to this distance (m) from loads and supports stay material."
+    keep_hint = "The surface stays material up to this distance (m) from loads and supports."
     return [
         Control("kept", "pattern.keep", "near loads", "length", "m", high=reach, step=reach / 200, hint=keep_hint),
         Control("kept", "pattern.rim", "rim", "length", "m", high=reach, step=reach / 200, hint="Along the boundary."),
@@ -239,6 +272,6 @@ def _kept_controls(reach: float) -> list[Control]:
 
 _FILLET = "Radius of the corners of openings; only the built solid shows it."
 _TIDY = (
-    "Removes the parts of members beyond their last crossing, and fills slits; only the built solid shows the change. "
-    "A dash means the default: on for evenly spaced stripes."
+    "Removes the parts of members beyond their last crossing, and fills slits; only the built solid shows this "
+    "change. A dash means the default: on for evenly spaced stripes."
 )

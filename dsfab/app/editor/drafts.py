@@ -29,7 +29,7 @@ TYPES = {"f": "float32", "i": "uint32", "u": "uint32", "b": "uint8"}
 
 
 def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """Pack facts (JSON values) and arrays into bytes."""
+    """Pack JSON values and arrays into the bytes of a message to the page."""
     table, blocks, place = {}, [], 0
     for name, array in arrays.items():
         kind = TYPES[array.dtype.kind]
@@ -44,8 +44,8 @@ def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
 
 
 def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return facts and arrays with which the page draws a draft (a design before the cut).
-    V (n, 3), metres from the surface's middle, and F (m, 3) are the mesh of the stripes."""
+    """Return JSON values and arrays, by name, with which the page draws a draft (a design before the cut).
+    V (n, 3) and F (m, 3) are the mesh with the stripes. V is in metres from the middle of the surface's box."""
     surface, statics, modes = draft.surface, draft.statics, draft.diffusion
     mesh = StripedMesh.from_design(draft)
     up = up_axis(surface.V, surface, draft.load)
@@ -90,10 +90,10 @@ def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 
 def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return facts about a draft's pattern, and arrays (n, 2) of its stripes: columns major and minor.
-    half   : half the width of a stripe, in periods.
-    slope  : stripes per metre; for a pattern of modes, at the frequency 1.
-    shares : factor from half-widths to `half`; only for evenly spaced stripes."""
+    """Return JSON values and arrays (n, 2) of a draft's pattern. Columns: major stripes, minor stripes.
+    half   : half the width of a stripe, divided by the distance of stripes.
+    slope  : stripes per metre; for stripes from modes, at the frequency 1.
+    shares : factor by which the page multiplies half-widths to get `half`; only for evenly spaced stripes."""
     pattern, options, surface = draft.pattern, draft.preset.pattern, draft.surface
     mesh = StripedMesh.from_design(draft)
     facts = {
@@ -114,7 +114,7 @@ def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any
 
 
 def colour_scales() -> dict[str, list[list[int]]]:
-    """Return the colour scales by name, in 64 steps of red, green and blue."""
+    """Return the colour scales by name; each is a list of 64 colours (red, green, blue)."""
     signed, values = np.linspace(-1, 1, 64), np.linspace(0, 1, 64)
     scales = {"diverging": diverging_colours(signed), "signed": signed_colours(signed)}
     return {name: scale.tolist() for name, scale in (scales | {"rising": rising_colours(values)}).items()}
@@ -186,15 +186,15 @@ def _gathered_forces(V: Floats, force: Floats, acts: Bools, spacing: Spacing, si
     return np.concatenate([V[chosen], total], axis=1)
 
 
-TINTS = ("major", "minor")  # Families with colours of their own; all other material has a third colour.
+TINTS = ("major", "minor")  # Families of stripes with their own colours; all remaining material has a third colour.
 
 
 def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
     """Return the mesh of a cut sheet for the page, as arrays by name.
-    V : (k, 3) metres from the middle of the surface.    F : (m, 3).    E : (e, 2) edges of the outlines.
-    tint    : (k,) 0 major family, 1 minor family, 2 other material.
+    V : (k, 3) vertices, metres from the surface's middle.    F : (m, 3) faces.    E : (e, 2) edges of the outlines.
+    tint    : (k,) kind of material: 0 for major stripes, 1 for minor stripes, 2 for the rest.
     normals : (k, 3) unit normals of the uncut surface.
-    corners, shares : (k, 3) vertices in the mesh of the stripes, and their barycentric weights."""
+    corners, shares : (k, 3) corners of the nearest triangle in the mesh with the stripes, and barycentric weights."""
     surface, striped_surface = sheet.surface, StripedMesh.from_design(draft).surface
     tints = np.array([TINTS.index(name) if name in TINTS else len(TINTS) for name in draft.pattern.names])
     tint = np.repeat(tints[sheet.family], 3)
@@ -244,7 +244,7 @@ def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[s
         "place": None if narrowest is None else narrowest.place.tolist(),
         "limits": limits.tolist(),
         "widths": share.tolist(),
-        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # a bar of the chart ends at `least`
+        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # `least` is a limit between bars
         "min_member": least,
         "pattern": _pattern_figures(draft, cut),
         "compliance": solved.compliance if solved.elements.is_reported else None,

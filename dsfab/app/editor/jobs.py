@@ -19,8 +19,8 @@ class Cancelled(Exception):  # noqa: N818  # no error
 
 
 class JobProgress:
-    """Progress of a job. A call reports a stage and a text.
-    Raises Cancelled if the user has cancelled the job."""
+    """Reporter of a job's progress: a call reports a stage and a text.
+    The call raises Cancelled if the user has cancelled the job."""
 
     def __init__(self, stop: threading.Event, tell: ReportProgress) -> None:
         self._stop, self._tell = stop, tell
@@ -95,7 +95,7 @@ class Jobs:
             worker.join(timeout=5)
 
     def submit(self, kind: str, work: Work) -> int:
-        """Start a job, cancel any older job of this kind, and return the new number."""
+        """Start a job, cancel any older job of the same kind, and return the number of the new job."""
         with self._wake:
             job = EditorJob(next(self._numbers), kind, work)
             self._known[job.number] = job
@@ -128,24 +128,24 @@ class Jobs:
             return True
 
     def job(self, number: int) -> EditorJob | None:
-        """Return the job with this number, or None if the job is too old."""
+        """Return the job with this number, or None if the number is unknown or older than the latest 64 jobs."""
         return self._known.get(number)
 
     def pending(self, number: int) -> bool:
-        """Return True if a job is waiting or running, and not cancelled."""
+        """Return True if job `number` is waiting or running, and not cancelled."""
         with self._wake:
             job = self._known.get(number)
             return job is not None and job.state in ("waiting", "running") and not job.stop.is_set()
 
     def add_listener(self) -> "queue.Queue[dict[str, Any] | None]":
-        """Return a queue of records of changed jobs; None at the end."""
+        """Return a queue that receives the record of each changed job, and None when `Jobs` closes."""
         listener: queue.Queue[dict[str, Any] | None] = queue.Queue(maxsize=1000)
         with self._wake:
             self._listeners.append(listener)
         return listener
 
     def remove_listener(self, listener: "queue.Queue[dict[str, Any] | None]") -> None:
-        """Stop adding records to a queue."""
+        """Stop adding records to a queue from `add_listener`."""
         with self._wake, suppress(ValueError):
             self._listeners.remove(listener)
 
@@ -214,5 +214,5 @@ class Jobs:
     def _notify(self, job: EditorJob) -> None:
         record = job.record()
         for listener in self._listeners:
-            with suppress(queue.Full):  # nobody reads a full queue any more
+            with suppress(queue.Full):  # only a queue without a reader is full
                 listener.put_nowait(record)

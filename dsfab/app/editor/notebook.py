@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 
 def edit(target: Design | Preset | str | Path = "dome", /, *, height: int = 640) -> "Editor":
-    """Open the page of `dsfab edit` as a widget for Jupyter, VS Code and marimo; nothing leaves this machine.
+    """Open the page of `dsfab edit` as a widget for Jupyter, VS Code and marimo; no data leave this machine.
 
         editor = dsfab.edit("dome")
         editor                                              # last line of a cell: sliders and the structure
-        editor.changes = {"pattern.major.frequency": 12.0}  # the page follows; sliders change it too
+        editor.changes = {"pattern.major.frequency": 12.0}  # the page follows; sliders set this, too
         design = dsfab.run(editor.preset)                   # the design on the page
 
     target : a preset, the name of a shipped preset, the path of a TOML or mesh file, or a solved design or draft.

@@ -17,10 +17,10 @@ from dsfab.core.errors import DsfabError
 KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 
 HTTP, NOTEBOOK, WIDGET = "transport.js", "transport_notebook.js", "widget.js"
-"""Modules of the page: its connection to a server, its connection to a notebook, and its start in a notebook."""
+"""JavaScript modules of the page: connection to a server, connection to a notebook, and start in a notebook."""
 
 _FROM = re.compile(r"""(\b(?:from|import)\s*['"])\./((?:vendor/)?[\w.]+['"])""")
-"""Pattern of a relative import in a module of the page."""
+"""Matches a relative import in a JavaScript module of the page."""
 
 
 def static_files() -> dict[str, bytes]:
@@ -37,7 +37,7 @@ def static_files() -> dict[str, bytes]:
 
 
 def index_page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
-    """Return index.html and the security policy (CSP) of the page.
+    """Return the bytes of index.html, and the content security policy (CSP) of the page.
     static : files of the page, by path.    token : secret that every request of the page must contain."""
     nonce = secrets.token_urlsafe(12)
     policy = (
@@ -51,7 +51,7 @@ def index_page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
 
 
 def widget_module() -> str:
-    """Return the whole page as one module for anywidget."""
+    """Return the whole page as a single JavaScript module for anywidget."""
     texts = {name: content.decode() for name, content in static_files().items()}
     modules = {name: text for name, text in texts.items() if name.endswith(".js") and name != WIDGET}
     modules[HTTP] = modules.pop(NOTEBOOK)
@@ -152,4 +152,4 @@ HANDLERS: dict[str, Callable[[Session, RequestFields], RequestFields]] = {
     "compare": _handle_compare,
     "cancel": lambda session, given: {"stopped": session.jobs.cancel(_required_field(given, "job", int))},
 }
-"""Functions that answer requests, by the request's name. They return data for JSON, and raise DsfabError."""
+"""Functions that answer requests, by name of the request. They return JSON values, or raise DsfabError."""

@@ -19,11 +19,11 @@ from dsfab.core.errors import DsfabError
 log = logging.getLogger(__name__)
 LOOPBACK = "127.0.0.1"
 LARGEST = 96 * 2**20  # Largest request in bytes, for a mesh of a million triangles.
-NO_ADDRESS = HTTPStatus.NOT_FOUND, "this address does not exist; open the address that dsfab edit printed"
+NO_ADDRESS = HTTPStatus.NOT_FOUND, "this page does not exist; open the address that dsfab edit printed"
 
 
 class RefusedRequest(Exception):  # noqa: N818  # no error of the server
-    """A refused request, with its HTTP status and a sentence."""
+    """Error for a refused request, with an HTTP status and a message."""
 
     def __init__(self, status: HTTPStatus, text: str) -> None:
         super().__init__(text)
@@ -31,10 +31,10 @@ class RefusedRequest(Exception):  # noqa: N818  # no error of the server
 
 
 class EditorServer(ThreadingHTTPServer):
-    """Server of one session; a browser opens its `address`."""
+    """HTTP server of an editor session. The user opens `address` in a browser."""
 
     daemon_threads = True
-    request_queue_size = 256  # waiting connections: each page loads dozens of files at once
+    request_queue_size = 256  # limit of waiting connections; a page loads dozens of files at once
     allow_reuse_address = False  # on Windows True would let another program take the port too
 
     def __init__(self, session: Session, port: int = 0) -> None:
@@ -45,7 +45,7 @@ class EditorServer(ThreadingHTTPServer):
         self.hosts = {f"{name}:{number}" for name in (LOOPBACK, "localhost")}
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Log a broken connection quietly."""
+        """Log a broken connection at the debug level."""
         log.debug("connection of %s", client_address, exc_info=True)
 
     @property
@@ -60,7 +60,7 @@ class EditorHandler(BaseHTTPRequestHandler):
     server_version = "dsfab"
     sys_version = ""
     timeout = 60
-    disable_nagle_algorithm = True  # otherwise a body waits up to 40 ms until the browser acknowledges the head
+    disable_nagle_algorithm = True  # otherwise a response's body waits up to 40 ms until its header is acknowledged
 
     def do_GET(self) -> None:
         self._guard(self._get)
@@ -69,14 +69,14 @@ class EditorHandler(BaseHTTPRequestHandler):
         self._guard(self._post)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Write no log."""
+        """Do not log requests."""
 
     def _guard(self, handle: Callable[[], None]) -> None:
         try:
             self._check_host()
             self._answer(handle)
         except RefusedRequest as refused:
-            self.close_connection = True  # the rest of the request stays unread
+            self.close_connection = True  # unread bytes would look like the next request
             self._json({"error": str(refused)}, refused.status)
         except (ConnectionError, TimeoutError):
             self.close_connection = True
@@ -153,7 +153,9 @@ class EditorHandler(BaseHTTPRequestHandler):
     def _body(self) -> RequestFields:
         length = self.headers.get("Content-Length", "")
         if not (length.isascii() and length.isdigit() and len(length) < 19):
-            raise RefusedRequest(HTTPStatus.LENGTH_REQUIRED, "the request states no length; send a Content-Length")
+            raise RefusedRequest(
+                HTTPStatus.LENGTH_REQUIRED, "the request has no header Content-Length; send this header"
+            )
         if int(length) > LARGEST:
             raise RefusedRequest(
                 HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
@@ -181,7 +183,7 @@ class EditorHandler(BaseHTTPRequestHandler):
     def _file(self, build: int, index: int) -> None:
         path = self.server.session.builds.file(build, index)
         if path is None:
-            raise RefusedRequest(HTTPStatus.NOT_FOUND, "this build has no such file; build again")
+            raise RefusedRequest(HTTPStatus.NOT_FOUND, "this build has no file of this name; build again")
         attachment = {"Content-Disposition": f"attachment; filename={quote(path.name)}"}
         self._bytes(path.read_bytes(), "application/octet-stream", attachment)
 

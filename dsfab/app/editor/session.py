@@ -47,8 +47,8 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 class SessionView:
     """A draft (a design before the cut) that the page shows.
     number  : number of the draft, from 1.
-    version : number that stays the same if only widths or the choice of modes change.
-    opening : number of the opened preset."""
+    version : number that increases, unless the new draft differs only in widths or in chosen modes.
+    opening : number of the opened preset, from 1; each opening of a preset counts."""
 
     draft: Design
     number: int
@@ -58,8 +58,8 @@ class SessionView:
 
 class Session:
     """The open preset, its last draft (a design before the cut), and builds; use as `with Session(opened)`.
-    drafted : draft of the open preset.
-    outputs : folder of builds, and the folder's name; None for a temporary folder."""
+    drafted : existing draft of the open preset, or None.
+    outputs : folder for builds, with a name for the user; None for a temporary folder."""
 
     def __init__(self, opened: OpenedPreset, drafted: Design | None = None, outputs: Outputs | None = None) -> None:
         self.jobs = Jobs()
@@ -111,15 +111,15 @@ class Session:
         }
 
     def open_preset(self, name: str) -> dict[str, Any]:
-        """Open a shipped preset."""
+        """Open a shipped preset; return the values of `start`."""
         return self._set_opened(opened_shipped(name))
 
     def open_toml(self, text: str) -> dict[str, Any]:
-        """Open a preset from the text of a TOML file."""
+        """Open a preset from the text of a TOML file; return the values of `start`."""
         return self._set_opened(self.current_preset.open_toml(text))
 
     def open_variant(self, number: int) -> dict[str, Any]:
-        """Open the preset of a variant. The key `changes` of the result holds the user's changes."""
+        """Open the preset of a variant; return the values of `start`, and the variant's changes as `changes`."""
         variant = self.variants[number]
         with self._lock:
             is_open = variant.opened is self._opened
@@ -157,14 +157,14 @@ class Session:
         return self.start()
 
     def preset_file(self, changes: Changes) -> dict[str, Any]:
-        """Return the changed preset as name and text of a file."""
+        """Return the changed preset as a TOML file: keys `name` (file name) and `toml` (text)."""
         opened = self.current_preset
         return {"name": f"{opened.preset_with(changes).name}.toml", "toml": opened.toml(changes)}
 
     def command(self, changes: Changes) -> dict[str, Any]:
-        """Return a command line that builds the changed preset, as the key `command`.
-        saved : preset file for this command, or ''.
-        save  : True if the user must first save the preset file."""
+        """Return a dict: `command` is a command line that builds the changed preset.
+        saved : path of the preset file that this function wrote for the command, or ''.
+        save  : True if the user must save the preset file before the command."""
         opened, outputs = self.current_preset, self.builds.outputs
         command, save = opened.command(changes)
         if not (save and outputs.label):
@@ -185,8 +185,8 @@ class Session:
         return job
 
     def ask_build(self, changes: Changes, replace: bool = True, only: str = "") -> dict[str, Any]:
-        """Start a job that writes a build, or return a question if files exist and `replace` is false.
-        only : a single format. Raises ExportError for an unavailable format."""
+        """Start a job that builds; return its number, or a question if files exist and `replace` is false.
+        only : format of a single file, or ''. Raises ExportError if this format is not available."""
         opened = self.current_preset
         preset = opened.preset_with(changes)
         if only:
@@ -198,21 +198,21 @@ class Session:
 
     def ask_members(self, judged: bool) -> int:
         """Start a job that measures the members of the design; return the job's number.
-        judged : True to measure utilisation, too. Raises DsfabError without a draft."""
+        judged : True to compute utilisation, too. Raises DsfabError before the first draft."""
         with self._lock:
             shown = self._shown
         if shown is None:
-            raise DsfabError("the design has no solution yet; wait for its first picture")
+            raise DsfabError("dsfab has not solved the design yet; wait for its first picture")
         return self.jobs.submit("members", lambda progress: self._members(shown, judged))
 
     def ask_picture(self, changes: Changes, view: str, show: str, size: tuple[int, int]) -> int:
-        """Start a job that draws the structure on this machine; return the job's number.
-        size : pixels."""
+        """Start a job that draws a picture on this machine; return the job's number.
+        view : direction of view.    show : picture of `Previewer`.    size : width and height, pixels."""
         preset = self.current_preset.preset_with(changes)
         return self.jobs.submit("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
     def first_model(self) -> bytes:
-        """Return the last draft, packed for a new page; b'' if there is none and no job makes one.
+        """Return the last draft as a message for a new page; b'' if there is no draft.
         This function waits for the first draft or sketch."""
         shown = self._shown
         while shown is None and self._asked and self.jobs.pending(self._asked[0]):
@@ -222,16 +222,16 @@ class Session:
         return self._model(shown, 0) if shown else b""
 
     def model(self, have: int) -> bytes:
-        """Return the last draft, packed for the page. Raises DsfabError without a draft.
-        have : version that the page has. If the draft has this version, only widths are returned."""
+        """Return the last draft as a message for the page. Raises DsfabError before the first draft.
+        have : version of the draft on the page. For an equal version the message has only widths and notes."""
         with self._lock:
             shown = self._shown
         if shown is None:
-            raise DsfabError("the design has no solution yet; wait for its first picture")
+            raise DsfabError("dsfab has not solved the design yet; wait for its first picture")
         return self._model(shown, have)
 
     def cut_sheet(self, draft: int) -> bytes:
-        """Return the cut sheet of a draft, packed for the page; b'' unless this draft was cut last."""
+        """Return the cut sheet of draft number `draft` as a message; b'' if the latest cut was of another draft."""
         with self._lock:
             latest_cut = self._cut
         if not latest_cut or latest_cut[0].number != draft:

@@ -20,7 +20,7 @@ from dsfab.preset.model import Preset
 class Editor(anywidget.AnyWidget):
     """The editor's page in a notebook.
 
-    changes : differences from the open preset, by dotted keys; assign a new dict. Raises PresetError.
+    changes : changed values of the open preset, by dotted key. Assign a new dict; invalid values raise PresetError.
     view    : camera, section plane, colours and layers of the page.
     height  : height of the widget, pixels."""
 
@@ -47,7 +47,7 @@ class Editor(anywidget.AnyWidget):
 
     @property
     def files(self) -> list[Path]:
-        """Files of the last build. Deleted when the widget or Python closes."""
+        """Paths of the files of the last build. dsfab deletes these files when the widget or Python closes."""
         return self._session.builds.latest
 
     def close(self) -> None:
@@ -56,7 +56,7 @@ class Editor(anywidget.AnyWidget):
         self._session.__exit__()
 
     def set_state(self, sync_data: Mapping[str, Any]) -> None:
-        """Accept changes from the page without a check."""
+        """Accept the values that the page sends, without a check."""
         self._heard = True
         try:
             super().set_state(sync_data)
@@ -92,10 +92,10 @@ class Editor(anywidget.AnyWidget):
         if name == "file":
             path = self._session.builds.file(int(fields.get("build", 0)), int(fields.get("index", 0)))
             if path is None:
-                raise DsfabError("this build has no such file; build again")
+                raise DsfabError("this build has no file of this name; build again")
             return path.read_bytes()
         if name not in HANDLERS:
-            raise DsfabError(f"the editor has no request {name!r}; reload the page")
+            raise DsfabError(f"the editor does not know the request {name!r}; reload the page")
         return HANDLERS[name](self._session, fields)
 
     def _forward_news(self, news: "queue.Queue[dict[str, Any] | None]") -> None:

@@ -25,7 +25,7 @@ _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 class Outputs:
     """The folder `home`, with a subfolder for each build.
-    label : name of `home` for the user; '' for the session's temporary folder."""
+    label : name of `home` in messages; '' for a temporary folder."""
 
     def __init__(self, home: Path, shown: str = "") -> None:
         self.home, self.label = home, shown
@@ -41,18 +41,18 @@ class Outputs:
         return folder
 
     def foreign_files(self, name: str) -> int:
-        """Return the number of files in a subfolder that this session did not write."""
+        """Return the number of files in subfolder `name`; 0 if this session has written the subfolder."""
         folder = self.folder(name)
         if folder in self._ours or not folder.exists():
             return 0
         return sum(1 for _ in folder.iterdir()) if folder.is_dir() else 1
 
     def free_name(self, name: str) -> str:
-        """Return the first of NAME, NAME-2, NAME-3 ... without foreign files."""
+        """Return the first of NAME, NAME-2, NAME-3 ... whose subfolder has no `foreign_files`."""
         return next(word for word in _numbered_names(name) if not self.foreign_files(word))
 
     def publish(self, files: Path, name: str) -> Path:
-        """Move all files in `files` to the subfolder `name`; return the subfolder. Raises DsfabError."""
+        """Move all files in the folder `files` to the subfolder `name`; return the subfolder. Raises DsfabError."""
         folder = self.folder(name)
         with atomic_folder(folder) as partial:
             for path in files.iterdir():
@@ -62,7 +62,7 @@ class Outputs:
 
     def write_file(self, name: str, suffix: str, content: bytes) -> Path:
         """Write a file into `home` and return the path. Raises DsfabError.
-        If an older file of another session has this name and other content, the name is NAME-2, NAME-3 ..."""
+        An older file with different content stays; the new file then has the name NAME-2, NAME-3 ..."""
         self.folder(name)
         paths = (self.home / f"{word}{suffix}" for word in _numbered_names(name))
         path = next(path for path in paths if path in self._ours or _may_write(path, content))
@@ -70,7 +70,7 @@ class Outputs:
             self.home.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
         except OSError as error:
-            raise DsfabError(f"cannot write {path}: {error.strerror}; free some space there") from None
+            raise DsfabError(f"cannot write {path}: {error.strerror}; free some space on that disk") from None
         self._ours.add(path)
         return path
 
@@ -90,9 +90,9 @@ MATERIAL = "statics.material"  # Key whose value decides the thickness in a prop
 @dataclass(frozen=True)
 class OpenedPreset:
     """A preset and its origin.
-    words   : words of the command line after `dsfab build`; empty for a preset from the browser.
-    mesh    : the user's name for a mesh file; '' without a dropped file.
-    decided : decisions of `dsfab new` for a mesh."""
+    words   : arguments of `dsfab build` for this preset; empty for a preset from the browser.
+    mesh    : name of the mesh file that the user dropped on the page; '' without a file.
+    decided : decisions of dsfab when it proposed the preset for a mesh."""
 
     preset: Preset
     words: tuple[str, ...] = ()
@@ -100,7 +100,7 @@ class OpenedPreset:
     decided: tuple[Decision, ...] = ()
 
     def preset_with(self, changes: Mapping[str, Any]) -> Preset:
-        """Return the preset with new values at dotted keys. Raises PresetError."""
+        """Return the preset with new values, by dotted key. Raises PresetError for an invalid change."""
         preset = with_overrides(self.preset, changes)
         if _mesh_file(preset) != _mesh_file(self.preset):  # the page must not choose files on this machine
             raise PresetError(
@@ -108,7 +108,7 @@ class OpenedPreset:
             )
         if unknown_drawings := _drawing_files(preset) - _drawing_files(self.preset):
             raise PresetError(
-                f"{_file_names(unknown_drawings)}: the page cannot add a drawing; name the drawing in a preset file"
+                f"the page cannot add the drawing {_file_names(unknown_drawings)}; name the drawing in a preset file"
             )
         return preset
 
@@ -123,9 +123,9 @@ class OpenedPreset:
         return _mesh_file(self.preset) if self.mesh else None
 
     def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:
-        """Return a command line that builds the changed preset, and True if NAME.toml must be saved first."""
+        """Return a command line that builds the changed preset, and True if the command needs the file NAME.toml."""
         preset = self.preset_with(changes)
-        if self.words and self.decided and MATERIAL in changes:  # `dsfab build` must not propose another thickness
+        if self.words and self.decided and MATERIAL in changes:  # otherwise `dsfab build` would propose a new thickness
             changes = {"statics.thickness": preset.statics.thickness, **changes}
         sets = [word for key, value in changes.items() for word in ("--set", f"{key}={_value_text(value)}")]
         command = shlex.join(["dsfab", "build", *self.words, *sets])
@@ -135,7 +135,7 @@ class OpenedPreset:
         return shlex.join(["dsfab", "build", f"{preset.name}.toml"]), True
 
     def open_toml(self, text: str) -> "OpenedPreset":
-        """Open the text of a preset file. Raises PresetError."""
+        """Open a preset from the text of a TOML file. Raises PresetError for an invalid text."""
         try:
             values = toml_table(text)
         except TomlError as error:
@@ -146,15 +146,16 @@ class OpenedPreset:
             known_names = {str(open_mesh), self.mesh, open_mesh.name} if open_mesh else set()
             if file_named not in known_names:
                 raise PresetError(
-                    f"the preset needs the mesh file {Path(file_named).name}; drop that file on the page first, then "
-                    "the preset"
+                    f"the preset needs the mesh file {Path(file_named).name}; drop the mesh file on the page first, "
+                    f"then the preset"
                 )
             surface["file"], mesh = str(open_mesh), self.mesh
         values.setdefault("name", "preset")
         preset = guessed_preset(preset_from(values))
         if unknown_drawings := _drawing_files(preset) - _drawing_files(self.preset):
             raise PresetError(
-                f"the preset needs the drawing {_file_names(unknown_drawings)}; open it with dsfab edit FILE.toml"
+                f"the preset needs the drawing {_file_names(unknown_drawings)}; open the preset with dsfab edit "
+                f"FILE.toml"
             )
         return OpenedPreset(preset, (), mesh, self.decided if mesh else ())
 
@@ -173,7 +174,7 @@ def saved_preset(opened: OpenedPreset, changes: Mapping[str, Any], outputs: Outp
 
 
 def open_preset(target: str, source: Source = UNCHANGED) -> OpenedPreset:
-    """Open a shipped preset by its name, or a preset file or mesh file by its path. Raises DsfabError.
+    """Open a shipped preset, a preset file or a mesh file. Raises DsfabError if this fails. target : name or path.
     source : changes from the command line."""
     proposal = source.proposal(target)
     preset = source.read_preset(target, proposal, "guessed")
@@ -189,7 +190,7 @@ def opened_shipped(name: str) -> OpenedPreset:
 
 @dataclass(frozen=True)
 class MeshRequest:
-    """A request to open a mesh. path : file on this machine.    name : the user's name for the file.
+    """A request to open a mesh. path : file on this machine.    name : file name in messages.
     unit : unit of the file's numbers; None if unknown."""
 
     path: Path
@@ -240,7 +241,7 @@ FIGURES = ("share", "area", "mass", "pieces", "narrowest", "compliance")  # Meas
 
 @dataclass(frozen=True)
 class KeptVariant:
-    """A variant: the open preset, the user's changes, a picture, and measures by name; None if not measured."""
+    """A variant: a preset, changes by dotted key, a picture (data URL), and measures by name (None if unknown)."""
 
     name: str
     opened: OpenedPreset
@@ -274,7 +275,7 @@ class VariantTray:
         ]
 
     def keep(self, variant: KeptVariant) -> None:
-        """Add a variant. Raises DsfabError."""
+        """Add a variant. Raises DsfabError for too many variants, an invalid picture or invalid changes."""
         _ = variant.preset
         if len(self._all) >= MAX_VARIANTS:
             raise DsfabError(f"the editor already holds {MAX_VARIANTS} variants; remove a variant first")
@@ -285,12 +286,12 @@ class VariantTray:
         self._all[number] = replace(variant, name=_short_name(variant.name) or f"Variant {number}", figures=figures)
 
     def rename(self, number: int, name: str) -> None:
-        """Change the name of a variant. Raises DsfabError."""
+        """Change the name of variant `number`. Raises DsfabError for an unknown number."""
         variant = self[number]
         self._all[number] = replace(variant, name=_short_name(name) or variant.name)
 
     def drop(self, number: int) -> None:
-        """Remove a variant. Raises DsfabError."""
+        """Remove variant `number`. Raises DsfabError for an unknown number."""
         _ = self[number]
         del self._all[number]
 

@@ -11,7 +11,7 @@ from dsfab.core.errors import DsfabError
 
 def hops(
     *,
-    port: Annotated[int, Parameter(help="Port on this machine; 0 takes a free one.")] = 5000,
+    port: Annotated[int, Parameter(help="Port on this machine; 0 takes a free port.")] = 5000,
     seconds: Annotated[float, Parameter(help="Time limit of a component.")] = 300.0,
 ) -> int:
     """Serve components to Grasshopper on this machine; a Hops component takes one of the printed addresses."""
@@ -26,12 +26,16 @@ def hops(
         try:
             server = HopsServer(solver, port)
         except (OSError, OverflowError):
-            raise DsfabError(f"port {port} cannot be used; choose another port, or a free one with --port 0") from None
+            raise DsfabError(
+                f"port {port} cannot be used; choose another port, or let dsfab choose a free port with --port 0"
+            ) from None
         with server:
             try:
                 for component in COMPONENTS.values():
                     print_result(f"{server.address}/{component.name}  {component.about}")
-                print_result("Paste an address into a Hops component of Grasshopper. Ctrl-C ends the server.")
+                print_result(
+                    "Paste one of these addresses into a Hops component of Grasshopper. Ctrl-C ends the server."
+                )
                 sys.stdout.flush()  # a program that reads this pipe waits for the address
                 server.serve_forever(poll_interval=0.2)
             except KeyboardInterrupt:

@@ -23,10 +23,16 @@ from dsfab.workshop import workshop_plan
 INPUTS = (
     HopsParameter("mesh", "M", "The surface, as a mesh.", "Mesh", is_required=True),
     HopsParameter(
-        "supports", "S", "Points that hold the surface near them. Default: proposed supports.", "Point", is_list=True
+        "supports",
+        "S",
+        "Points near which the surface is supported. Default: supports that dsfab proposes.",
+        "Point",
+        is_list=True,
     ),
-    HopsParameter("snow", "Sn", "Snow, Pa on the plan. Default: usual load for the kind of surface.", "Number"),
-    HopsParameter("spacing", "Sp", "Distance from one member to the next, in the unit of the model.", "Number"),
+    HopsParameter(
+        "snow", "Sn", "Snow load in Pa on the plan. Default: the usual load for this kind of surface.", "Number"
+    ),
+    HopsParameter("spacing", "Sp", "Distance between neighbouring members, in the unit of the model.", "Number"),
     HopsParameter("thickness", "T", "Thickness of the sheet, in the unit of the model.", "Number"),
     HopsParameter("share", "Sh", "Share of the surface that is material, 0 to 1.", "Number"),
     HopsParameter(
@@ -92,7 +98,9 @@ def _note_texts(design: Design, request: HopsRequest) -> list[str]:
     mesh = request.values["mesh"]
     taken = [f"taken: {', '.join(thing.text for thing in mesh.content)}"]
     if request.origin.any():
-        taken.append(f"in lines of a preset, the origin is the model's point {coordinates(request.origin.tolist())} m")
+        taken.append(
+            f"the lines of the preset have their origin at the model's point {coordinates(request.origin.tolist())} m"
+        )
     return [*taken, *(note.text for note in design.notes)]
 
 
@@ -112,14 +120,14 @@ def solve_structure(request: HopsRequest) -> Sequence[Any]:
 
 
 def solve_preview(request: HopsRequest) -> Sequence[Any]:
-    """Return the outputs of the component `preview`: the cut sheet, centre lines, notes."""
+    """Return the outputs of the component `preview`: cut sheet, centre lines and notes."""
     design = design_of_request(request).until("slicing")
     sheet, lines = design.sheet.surface, _curves_and_names(design, "centre", request)[0]
     return mesh_json(request.in_model(sheet.V), sheet.F), lines, _note_texts(design, request)
 
 
 def solve_members(request: HopsRequest) -> Sequence[Any]:
-    """Return the outputs of the component `members`: axes, names, lengths, mean widths."""
+    """Return the outputs of the component `members`: axis, name, length and mean width of each member."""
     graph = design_of_request(request).until("slicing").members
     with_axis = [member for member in graph.members if member.axis is not None]
     axes = [polyline_json(request.in_model(member.axis.P)) for member in with_axis if member.axis is not None]
@@ -129,7 +137,7 @@ def solve_members(request: HopsRequest) -> Sequence[Any]:
 
 
 def solve_parts(request: HopsRequest) -> Sequence[Any]:
-    """Return the outputs of the component `parts`: curves of flat parts on sheets, names, notes."""
+    """Return the outputs of the component `parts`: curves of stock, cuts, holes and marks; names of parts; notes."""
     plan = workshop_plan(design_of_request(request).until("slicing"))
     curves: dict[str, list[Floats]] = {"stock": [], "cut": [], "holes": [], "marks": []}
     names, depth = list[str](), 0.0
@@ -164,7 +172,12 @@ COMPONENTS = {
                 LINES,
                 HopsParameter("edges", "E", "Edges of the material.", "Curve", is_list=True),
                 HopsParameter("names", "Na", "Names of the lines.", "Text", is_list=True),
-                HopsParameter("compliance", "C", "Compliance in J, by one solve; less is stiffer.", "Number"),
+                HopsParameter(
+                    "compliance",
+                    "C",
+                    "Compliance in J, from a single solve; a smaller compliance means a stiffer structure.",
+                    "Number",
+                ),
                 HopsParameter("mass", "Ma", "Mass in kg.", "Number"),
                 NOTES,
             ),
@@ -195,13 +208,13 @@ COMPONENTS = {
         ),
         HopsComponent(
             "parts",
-            "Flat parts for the workshop, on their sheets.",
+            "Flat parts for the workshop, placed on the sheets of the stock.",
             INPUTS,
             (
                 HopsParameter("stock", "St", "The sheets.", "Curve", is_list=True),
                 HopsParameter("cut", "Cu", "Lines to cut.", "Curve", is_list=True),
                 HopsParameter("holes", "Ho", "Holes to drill.", "Curve", is_list=True),
-                HopsParameter("marks", "En", "Lines and letters to engrave.", "Curve", is_list=True),
+                HopsParameter("marks", "En", "Lines and letters to engrave on the parts.", "Curve", is_list=True),
                 HopsParameter("names", "Na", "Names of the parts.", "Text", is_list=True),
                 NOTES,
             ),
@@ -209,4 +222,4 @@ COMPONENTS = {
         ),
     )
 }
-"""Components by name."""
+"""The components of the server, by name."""

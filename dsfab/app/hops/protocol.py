@@ -84,7 +84,7 @@ class HopsComponent:
         }
 
     def answer(self, request: "HopsRequest") -> dict[str, Any]:
-        """Solve a request; return the outputs in the form that Hops reads."""
+        """Compute the outputs for a request; return them in the form that Hops reads."""
         values = zip(self.outputs, self.solve(request), strict=True)
         return {"values": [_output_json(output, value) for output, value in values]}
 
@@ -92,7 +92,7 @@ class HopsComponent:
 @dataclass(frozen=True)
 class HopsRequest:
     """Inputs of a component in a request.
-    values : value by parameter name, or None. A mesh is a `TriangleFile`, a point is three numbers.
+    values : input values by parameter name; None if absent. A mesh is a `TriangleFile`, a point is three numbers.
     unit   : unit of all lengths, such as 'mm'.    key : text that is equal for equal inputs."""
 
     values: Mapping[str, Any]
@@ -101,7 +101,7 @@ class HopsRequest:
 
     @property
     def metre(self) -> float:
-        """Metres in one unit of the request's lengths."""
+        """Length of the request's unit, metres."""
         return METRES_PER[self.unit]
 
     @cached_property
@@ -112,11 +112,11 @@ class HopsRequest:
 
     @cached_property
     def origin(self) -> Floats:
-        """Point (3,) of the model that is the design's origin, metres."""
+        """Origin (3,) of the design in the coordinates of the model, metres."""
         return np.array(origin_near(self.surface))
 
     def in_model(self, points: Floats) -> Floats:
-        """Convert points (k, 3) of the design, metres, to coordinates and unit of the model."""
+        """Convert points (k, 3) from the design, in metres, to the model's coordinates, in the model's unit."""
         return np.asarray((points + self.origin) / self.metre)
 
 
@@ -132,7 +132,9 @@ def read_request(component: HopsComponent, body: Mapping[str, Any]) -> HopsReque
     word = str(body.get("modelunits") or "Meters")
     unit = declared_unit(word) or ""
     if unit not in METRES_PER:
-        raise HopsError(f"the unit of the model is {unit or word}; work in one of {', '.join(METRES_PER)}")
+        raise HopsError(
+            f"the unit of the model is {unit or word}; set the model to one of these units: {', '.join(METRES_PER)}"
+        )
     key = json.dumps([component.inputs[0].name, sorted(items_by_name.items()), word])
     values = {entry.name: _parameter_value(entry, items_by_name.get(entry.name, [])) for entry in component.inputs}
     return HopsRequest(values, unit, key)

@@ -73,7 +73,7 @@ LARGEST = 64 * 2**20  # Largest request in bytes, for a mesh of 100,000 faces.
 
 
 class HopsServer(ThreadingHTTPServer):
-    """Server of all components."""
+    """HTTP server of all components for Grasshopper."""
 
     daemon_threads = True
     allow_reuse_address = False  # on Windows True would let another program take the port too
@@ -90,7 +90,7 @@ class HopsServer(ThreadingHTTPServer):
         return f"http://localhost:{self.server_address[1]}"
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Log a broken connection quietly."""
+        """Log a broken connection at the debug level."""
         log.debug("connection of %s", client_address, exc_info=True)
 
 
@@ -100,17 +100,17 @@ class HopsHandler(BaseHTTPRequestHandler):
     server_version = "dsfab"
     sys_version = ""
     timeout = 60
-    disable_nagle_algorithm = True  # otherwise an answer waits up to 40 ms until its head is acknowledged
+    disable_nagle_algorithm = True  # otherwise an answer's body waits up to 40 ms until its header is acknowledged
 
     def log_message(self, format: str, *args: object) -> None:
-        """Write no log."""
+        """Do not log requests."""
 
     def do_HEAD(self) -> None:
-        """Answer that the server runs."""
+        """Answer a HEAD request: the server runs."""
         self._answer(HTTPStatus.OK, "", body=False)
 
     def do_GET(self) -> None:
-        """Answer with a description of one component, or of all components."""
+        """Answer a GET request with a description of one component, or of all components."""
         name = urlsplit(self.path).path.strip("/")
         if refusal := self._refusal():
             self._refuse(HTTPStatus.FORBIDDEN, refusal)
@@ -122,12 +122,12 @@ class HopsHandler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.NOT_FOUND, f"there is no component {name!r}; there are {', '.join(COMPONENTS)}")
 
     def do_POST(self) -> None:
-        """Solve the request and answer."""
+        """Answer a POST request with the outputs of a component."""
         length = self.headers.get("Content-Length", "")
         if refusal := self._refusal():
             self._refuse(HTTPStatus.FORBIDDEN, refusal)
         elif not (length.isascii() and length.isdigit() and len(length) < 12):
-            self._refuse(HTTPStatus.LENGTH_REQUIRED, "the request states no length; send a Content-Length")
+            self._refuse(HTTPStatus.LENGTH_REQUIRED, "the request has no header Content-Length; send this header")
         elif int(length) > LARGEST:
             self._refuse(
                 HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
@@ -160,10 +160,12 @@ class HopsHandler(BaseHTTPRequestHandler):
     def _refusal(self) -> str:
         if self.headers.get("Host", "").lower() not in self.server.hosts:
             return "this server answers only at its own address; use the address that dsfab hops printed"
-        return "this server answers Hops, but not web pages" if self.headers.get("Origin") is not None else ""
+        return (
+            "this server answers only Hops; web pages cannot use it" if self.headers.get("Origin") is not None else ""
+        )
 
     def _refuse(self, status: HTTPStatus, text: str) -> None:
-        self.close_connection = True  # the rest of the request stays unread
+        self.close_connection = True  # unread bytes would look like the next request
         self._answer(status, json.dumps({"values": [], "errors": [text]}))
 
     def _answer(self, status: HTTPStatus, text: str, body: bool = True) -> None:

@@ -48,7 +48,7 @@ def factorise(
     points : (n, 3) positions of points, which determine the order of elimination.
     node   : (N,) the point of each unknown; default: unknown i is on point i.
     solver : "PARDISO", "multifrontal", "SuperLU" or "multigrid"; default: PARDISO if installed, else multifrontal.
-    rigid  : (N, 6) rigid motions in the unknowns of K, which multigrid needs.
+    rigid  : (N, 6) values of the unknowns in six rigid motions, which multigrid needs.
     Raises NotPositiveDefinite, and FactorMemoryError if the factor does not fit into memory."""
     node = np.arange(len(points)) if node is None else node
     build = _BUILDERS[solver or solver_name()]
@@ -61,7 +61,7 @@ def factorise(
 
 
 class SamePatternFactors:
-    """Factors of several matrices, all real or all Hermitian, with the same places of entries."""
+    """Factors of several matrices, all real or all Hermitian, with the same sparsity pattern."""
 
     def __init__(self, points: Floats, node: Ints | None = None, many_solves: bool = False) -> None:
         self._points, self._node, self._many_solves = points, node, many_solves
@@ -69,7 +69,7 @@ class SamePatternFactors:
 
     def factor(self, K: csr_array) -> Factor:
         """Return a function b -> K^-1 b for a positive definite K (N, N), valid until the next call.
-        Raises the errors of `factorise`, and ValueError if K has another pattern than the first matrix."""
+        Raises the errors of `factorise`, and ValueError if K has a different sparsity pattern than the first matrix."""
         if self._factor is None and self._many_solves and solver_name() == "PARDISO":
             self._factor = Pardiso(K, blocks=False)
         elif self._factor is None:
@@ -88,7 +88,7 @@ def _multifrontal(K: Matrix, points: Floats, node: Ints, _rigid: Floats | None) 
 
 def _multigrid(K: Matrix, _points: Floats, node: Ints, rigid: Floats | None) -> Multigrid:
     if rigid is None:
-        raise ValueError("multigrid needs the rigid motions")
+        raise ValueError("the multigrid solver needs the rigid motions of the structure")
     return Multigrid(pardiso_matrix(K), node, rigid)
 
 

@@ -29,18 +29,18 @@ class FactorMemoryError(DsfabError, MemoryError):
 
     @classmethod
     def from_bytes(cls, needed: int | None, free: int | None = None) -> Self:
-        """Return the error with the `needed` and `free` bytes in its message."""
+        """Return an error. Its message states the `needed` and the `free` bytes."""
         unknown = "factorising the stiffness needs more memory than is free"
         words = unknown if needed is None else f"factorising the stiffness needs {needed / 2**30:.1f} GiB of memory"
         free_words = "" if free is None else f"; {free / 2**30:.1f} GiB are free"
         return cls(
-            f"{words}{free_words}; use a coarser mesh or simpler elements, close other "
-            "programs, or install dsfab[amg], which needs a tenth of the memory (constant+hinge elements only)"
+            f"{words}{free_words}; use a coarser mesh or simpler elements, close other programs, or install "
+            f"dsfab[amg]. Its solver needs a tenth of the memory (constant+hinge elements only)"
         )
 
 
 def free_memory() -> int | None:
-    """Return the free bytes of memory without swapping, or None if unknown."""
+    """Return the bytes of memory that are free without swapping, or None if unknown."""
     if MEMINFO.exists():
         for line in MEMINFO.read_text(encoding="ascii").splitlines():
             if line.startswith("MemAvailable:"):
@@ -72,7 +72,7 @@ LITTLE = 20e6  # Largest number of freed bytes that `release_freed_memory` ignor
 
 
 def release_freed_memory(freed: float) -> None:
-    """Return freed memory to the system. freed : approximate number of freed bytes."""
+    """Give memory that Python no longer uses back to the system. freed : approximate number of unused bytes."""
     if freed > LITTLE and (trim := malloc_trim()):
         trim(0)
 
@@ -94,15 +94,15 @@ def blas_pools() -> Any:
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Limit BLAS to one thread in the `with` block. Only one Python thread at a time can run the block."""
+    """Limit BLAS to one thread in the `with` block. Only one Python thread at a time can run this block."""
     with _BLAS_LOCK, blas_pools().limit(limits=1, user_api="blas"):
         yield
 
 
 def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, leaf: int = 192) -> Ints:
-    """Return sort keys (n,) of n points for an order of elimination that keeps the factor small (nested dissection).
-    graph    : pairs of points that the matrix couples, in both directions.
-    unknowns : number of unknowns of all points.    leaf : most unknowns of an undivided part."""
+    """Return sort keys (n,) of points (n, 3): elimination by ascending key keeps the factor small (nested dissection).
+    graph    : first and second point of each pair that the matrix couples, in both directions.
+    unknowns : total number of unknowns.    leaf : largest number of unknowns of an undivided part."""
     i, j = graph
     n = len(points)
     key, part, alive = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64), np.ones(n, dtype=bool)
@@ -124,7 +124,7 @@ def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, lea
 
 
 def upper_half(points: Floats, part: Ints) -> Ints:
-    """Return 1 for points (k, 3) in the upper half of their part (k,), else 0."""
+    """Return 1 for points (k, 3) in the upper half of their part, else 0. part : (k,) number of the part."""
     count = np.bincount(part)
     begin = np.cumsum(count) - count
     used = count > 0
@@ -138,7 +138,7 @@ def upper_half(points: Floats, part: Ints) -> Ints:
 
 
 def point_graph(K: csr_array, node: Ints, n: int) -> tuple[Ints, Ints]:
-    """Return the pairs of points that the matrix K couples, in both directions. node : (N,) point of each unknown."""
+    """Return pairs of points that matrix K (N, N) couples, in both directions. node : (N,) point of each unknown."""
     pairs = csr_array((np.ones(K.nnz, dtype=bool), node[K.indices].astype(np.int32), K.indptr), (K.shape[0], n))
     gather = csr_array((np.ones(len(node), dtype=bool), (node, np.arange(len(node)))), (n, len(node)))
     graph = (gather @ pairs).tocoo()
@@ -147,7 +147,7 @@ def point_graph(K: csr_array, node: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def morton_positions(points: Floats) -> Ints:
-    """Return positions (n,) of points (n, 3) along a space-filling curve [Morton 1966]."""
+    """Return the positions (n,) of points (n, 3) along a space-filling curve [Morton 1966]."""
     low = points.min(axis=0)
     cell = ((points - low) * (1023 / max(float((points - low).max()), np.finfo(float).tiny))).astype(np.int64)
     number = np.zeros(len(points), dtype=np.int64)
@@ -157,7 +157,7 @@ def morton_positions(points: Floats) -> Ints:
     return number
 
 
-Index = npt.NDArray[np.integer[Any]]  # Integers for the entries of a matrix, of 4 bytes if possible.
+Index = npt.NDArray[np.integer[Any]]  # Array of indices of matrix entries, as 4-byte integers if possible.
 Numbers = npt.NDArray[Any]  # Real or complex array.
 
 
@@ -167,13 +167,13 @@ class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (named like LinAlgErr
 
 @dataclass(frozen=True, eq=False)
 class Fronts:
-    """Plan for the Cholesky factorisation of matrices with equal places of entries.
-    order    : (N,) unknowns in the order of elimination, in which all other fields number unknowns.
+    """Plan for the multifrontal Cholesky factorisation of matrices K (N, N) with equal sparsity patterns.
+    order    : (N,) unknowns in the order of elimination. The fields below number unknowns in this order.
     start    : (fronts + 1,) first unknown of each front (dense block).
-    rows     : for each front, the later unknowns that it changes, ascending.
-    children : for each front, the earlier fronts that update it.
-    entry    : positions of the lower triangle's values in K.data, column by column.
-    pointer  : (N + 1,) first value of each column."""
+    rows     : for each front, the later unknowns that the front changes, ascending.
+    children : for each front, the earlier fronts that update the front.
+    entry    : positions in K.data of the entries of the lower triangle, column by column.
+    pointer  : (N + 1,) index in `entry` of the first entry of each column."""
 
     order: Ints
     start: Ints
@@ -186,11 +186,11 @@ class Fronts:
 
     @classmethod
     def from_matrix(cls, K: csr_array, points: Floats, node: Ints) -> Self:
-        """Return the plan for the places of entries of K (N, N). node : (N,) row of `points` for each unknown."""
+        """Return the plan for the sparsity pattern of K (N, N). node : (N,) row of `points` for each unknown."""
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
-        # along a space-filling curve, neighbours in a part get similar numbers, so adding updates to fronts is fast
+        # along a space-filling curve, neighbours get similar numbers, so updates are added to fronts faster
         sequence = np.lexsort((morton_positions(points), keys))
         rank = np.empty(n, dtype=np.int32)
         rank[sequence] = np.arange(n)
@@ -211,7 +211,7 @@ class Fronts:
 
     @property
     def peak(self) -> int:
-        """Largest number of values in memory during the factorisation."""
+        """Largest number of floating-point values in memory during the factorisation."""
         stored = waiting = worst = 0
         for k, rows, children in zip(np.diff(self.start).tolist(), self.rows, self.children, strict=True):
             m = len(rows)
@@ -222,7 +222,8 @@ class Fronts:
 
 
 def _touched_points(row: Index, column: Index, front_start: Ints) -> tuple[list[Ints], list[list[int]]]:
-    """Return the later points that each front changes, and the earlier fronts that update each front."""
+    """Return the later points that each front changes, and the earlier fronts that update each front.
+    row, column : points of each entry of the lower triangle.    front_start : first point of each front."""
     n = int(front_start[-1])
     front = np.repeat(np.arange(len(front_start) - 1), np.diff(front_start))
     outside = front[row] != front[column]
@@ -253,7 +254,7 @@ class Multifrontal:
         self.refactor(K)
 
     def refactor(self, K: csr_array) -> None:
-        """Factorise another matrix K (N, N) with the same places of entries. Raises ValueError for another size."""
+        """Factorise another matrix K (N, N) with the same sparsity pattern. Raises ValueError for a different size."""
         f = self._fronts
         if len(K.data) != 0 and (K.shape[0] != len(f.order) or K.nnz < len(f.entry)):
             raise ValueError("the pattern of the matrix has changed")

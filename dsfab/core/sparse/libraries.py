@@ -32,7 +32,7 @@ SUPERLU_OPTIONS = {"SymmetricMode": True, "Equil": False}
 class SuperLU:
     """Factor of a positive definite matrix; a call with b, (N,) or (N, k), returns K^-1 b.
     order    : (N,) elimination order.
-    definite : True if K is certainly positive definite.
+    definite : True skips the test that K is positive definite.
     Raises NotPositiveDefinite."""
 
     def __init__(
@@ -48,7 +48,7 @@ class SuperLU:
         try:
             # panels of 4 columns are 10 % faster than the default
             self._lu = splu(permuted, "NATURAL", diag_pivot_thresh=0.0, panel_size=4, options=SUPERLU_OPTIONS)
-        except RuntimeError as error:  # "Factor is exactly singular"
+        except RuntimeError as error:  # SuperLU: "Factor is exactly singular"
             raise NotPositiveDefinite(str(error)) from error
         if not self._definite and self._lu.U.diagonal().min() <= 0:
             raise NotPositiveDefinite("a pivot is not positive")
@@ -75,14 +75,14 @@ PARDISO_OPTIONS = {0: 1, 1: 2, 9: 8, 17: -1, 23: 1}
 """Entries of PARDISO's `iparm`, counted from 0. All other entries are 0.
 In this order, the entries select: values from the user; nested dissection by METIS; pivots for symmetric matrices; a
 count of the factor's entries; the two-level factorisation, which makes solves faster."""
-BLOCKS = {36: -100}  # Entry of `iparm` for points with several unknowns: the analysis joins rows with equal columns.
+BLOCKS = {36: -100}  # PARDISO's option for points with several unknowns: the analysis groups rows with equal columns.
 ALONE = 12_000  # Largest number of unknowns for which PARDISO uses one thread; more threads would be slower.
 OUT_OF_MEMORY = (-2, -9)  # PARDISO's codes for lack of memory. Other codes mean a pivot that is not positive.
 Matrix = csr_array | Callable[[], csr_array]  # A matrix, or a function that builds a matrix.
 
 
 def pardiso_matrix(K: Matrix) -> csr_array:
-    """Return the matrix K (n, n), also if K is a function that builds the matrix."""
+    """Return the matrix K (n, n). If K is a function, call the function to build the matrix."""
     return K() if callable(K) else K
 
 
@@ -112,7 +112,7 @@ class _Pattern:
 
 class Pardiso:
     """Factor of a positive definite matrix; a call with b, (N,) or (N, k), returns K^-1 b.
-    blocks : True if unknowns form groups whose rows have the same columns.
+    blocks : True if K has groups of rows with equal sparsity patterns, such as three rows for each point.
     Raises NotPositiveDefinite, and FactorMemoryError if the factor does not fit."""
 
     def __init__(self, K: Matrix, blocks: bool = False) -> None:
@@ -129,7 +129,7 @@ class Pardiso:
         weakref.finalize(self, _release, self._solver)  # Python does not free MKL's memory
         self._threads = 1 if K.shape[0] <= ALONE else int(self._solver.libmkl.MKL_Get_Max_Threads())
         self._upper = _Pattern.from_matrix(K).upper(K)
-        self._known: _Pattern | None = None  # stored by `refactor`, which alone needs it
+        self._known: _Pattern | None = None  # only `refactor` sets and uses this pattern
         del K
         nothing = np.zeros((self._upper.shape[0], 1), dtype=self._upper.dtype)
         self._call(ANALYSE, nothing)
@@ -140,7 +140,7 @@ class Pardiso:
         self._call(FACTORISE, nothing)
 
     def refactor(self, K: csr_array) -> None:
-        """Factorise another matrix K (N, N) with the same pattern. Raises ValueError for another pattern."""
+        """Factorise another matrix K (N, N). Raises ValueError if its sparsity pattern is different."""
         if self._known is None or not self._known.fits(K):
             self._known = _Pattern.from_matrix(K)
         upper = self._known.upper(K)
@@ -160,7 +160,7 @@ class Pardiso:
         # after a two-level factorisation, each solve needs the same number of threads as the factorisation
         before = self._solver.libmkl.MKL_Set_Num_Threads_Local(self._threads)
         try:
-            x: Floats = self._solver._call_pardiso(self._upper, b)  # `solve` is slow: it hashes the matrix
+            x: Floats = self._solver._call_pardiso(self._upper, b)  # `solve` would hash the matrix, which is slow
         except PyPardisoError as error:
             if error.value in OUT_OF_MEMORY:
                 raise FactorMemoryError.from_bytes(None) from error
@@ -171,7 +171,7 @@ class Pardiso:
 
 
 def _set_mkl_path() -> None:
-    if "PYPARDISO_MKL_RT" in os.environ:  # otherwise pypardiso searches for 1 s
+    if "PYPARDISO_MKL_RT" in os.environ:  # the path of MKL is known; pypardiso's own search takes 1 s
         return
     try:
         files = importlib.metadata.files("mkl") or []
@@ -204,7 +204,7 @@ def has_pyamg() -> bool:
 class Multigrid:
     """Solver for the stiffness of thin sheets; a call with b, (N,) or (N, k), returns K^-1 b.
     The method is smoothed aggregation [Vanek, Mandel and Brezina 1996].
-    rigid : (N, 6) rigid motions in the unknowns of K.
+    rigid : (N, 6) values of the unknowns in six rigid motions.
     Raises ConvergenceError if the relative residual exceeds 1e-9."""
 
     def __init__(self, K: csr_array, node: Ints, rigid: Floats) -> None:
@@ -262,7 +262,7 @@ class Multigrid:
 def _positions_in_blocks(node: Ints) -> tuple[Ints, int]:
     used, point, count = np.unique(node, return_inverse=True, return_counts=True)
     if count.max() > 3:
-        raise ValueError("multigrid takes up to three unknowns per point")
+        raise ValueError("the multigrid solver takes up to three unknowns per point")
     order = np.argsort(point, kind="stable")
     place = np.empty(len(node), dtype=np.int64)
     place[order] = 3 * point[order] + np.arange(len(node)) - np.repeat(np.cumsum(count) - count, count)

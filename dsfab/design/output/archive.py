@@ -29,7 +29,7 @@ from dsfab.thickening import Repairs, Solid
 
 def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine, ...]:
     """Return the edges of the sheet and the centre lines of members, metres.
-    tolerance : largest distance (m) between a line and the simplified line."""
+    tolerance : largest distance (m) between a line and its simplification."""
     pattern, sheet, surface = design.pattern, design.sheet, design.surface
     phases = [stripe_phase(design, k) for k in range(len(pattern.names))]
     lines = edge_lines(sheet, surface, pattern.names, phases)
@@ -47,8 +47,8 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine,
 
 
 def stripe_phase(design: Design, k: int) -> Phase:
-    """Return the stripe phase of field k of the pattern; None for a field without stripes. Values at vertices (n,), or
-    at the corners of faces; whole numbers on centre lines."""
+    """Return the stripe phase of field k of the pattern, which is a whole number on each centre line.
+    The values are at vertices (n,) or at corners of faces. None for a field without stripes."""
     pattern = design.pattern
     field = pattern.fields[k]
     if pattern.names[k] not in STRIPES:
@@ -63,7 +63,7 @@ def stripe_phase(design: Design, k: int) -> Phase:
 
 
 def design_fields(design: Design) -> dict[str, Floats]:
-    """Return fields by name, at the vertices (n, ...) or in the faces (m, ...)."""
+    """Return results such as displacement and stress by name, at vertices (n, ...) or on faces (m, ...)."""
     statics, tensors = design.statics, design.diffusion.tensors
     fields = {
         "force [N]": design.load.force,
@@ -126,8 +126,8 @@ STEERED = ("along", "guided", "over")  # Fields of `StripeSteering` in the archi
 
 
 def field_arrays(key: str, field: Field) -> Arrays:
-    """Return the arrays that store a field, by name.
-    key : name of the array of values."""
+    """Return the arrays that store a field in the archive, by name.
+    key : name of the array that holds the values."""
     if isinstance(field, DividedField):
         divided = field.divided
         rows = {"data": divided.weights.data, "indices": divided.weights.indices, "indptr": divided.weights.indptr}
@@ -141,7 +141,7 @@ def field_arrays(key: str, field: Field) -> Arrays:
 
 
 def division_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> DividedSurface | None:
-    """Return the divided surface from arrays such as part_V (p, 3), metres; None without arrays."""
+    """Read the divided surface from stored arrays, such as part_V (p, 3) in metres; None if they are missing."""
     if "part_V" not in arrays:
         return None
     parts = Surface(arrays["part_V"], arrays["part_F"])
@@ -150,7 +150,7 @@ def division_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> Divid
 
 
 def field_from(key: str, divided: DividedSurface | None, arrays: Mapping[str, NDArray[Any]]) -> Field:
-    """Return the field that `field_arrays` stored under `key`."""
+    """Return the field that `field_arrays` stored under `key`. divided : result of `division_from`."""
     if f"{key}_sign" not in arrays:
         x = arrays[key]
         return DividedField(divided, x) if divided and len(x) == divided.surface.n else x
@@ -175,7 +175,7 @@ def even_arrays(even: EvenStripes) -> Arrays:
 
 
 def even_stripes_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> EvenStripes | None:
-    """Return the evenly spaced stripes from arrays such as even_slope (n, 2); None without stripes."""
+    """Read the evenly spaced stripes from stored arrays, such as even_slope (n, 2); None if they are missing."""
     if "even_slope" not in arrays:
         return None
 
@@ -205,7 +205,7 @@ def tidy_arrays(tidy: Tidy) -> Arrays:
 
 
 def tidy_from(arrays: Mapping[str, NDArray[Any]]) -> Tidy | None:
-    """Return the options to remove loose ends of stripes from stored arrays; None without options."""
+    """Read the rules for the removal of loose stripe ends from stored arrays; None if they are missing."""
     if "tidy_striped" not in arrays:
         return None
     striped = tuple(arrays["tidy_striped"].tolist())
@@ -227,9 +227,9 @@ _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFil
 
 
 def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
-    """Return the preset that a build writes into `folder`. A mesh from Python is written into `folder`.
-    home : path of `folder` after the build.
-    Raises SurfaceError for a missing drawing."""
+    """Return the preset to write into the folder of a build; write a mesh that came from Python to a file in `folder`.
+    home : final path of `folder` after the build.
+    Raises SurfaceError if a drawing file is missing."""
     preset = preset.self_contained()
     section = preset.surface
     if isinstance(section, MeshSurface):
@@ -286,7 +286,7 @@ def write_archive(design: Design, folder: Path, preset: Preset | None = None) ->
 
 
 def read_archive(folder: Path, preset: Preset) -> Design | None:
-    """Return the design in a folder; None without a design of this preset."""
+    """Return the design that is stored in a folder; None if the folder has no design of `preset`."""
     try:
         with open(folder / NAME, "rb") as file, np.load(file) as archive:
             about = json.loads(str(archive["about"]))
@@ -298,7 +298,7 @@ def read_archive(folder: Path, preset: Preset) -> Design | None:
 
 
 def sections(preset: Preset) -> dict[str, Any]:
-    """Return the sections of a preset that determine a design."""
+    """Return the sections of a preset that determine a design, as JSON values by section."""
     values: dict[str, Any] = json.loads(preset.model_dump_json(include=set(MADE_BY), exclude={"statics": {"material"}}))
     return values
 

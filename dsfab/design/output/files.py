@@ -36,9 +36,10 @@ if TYPE_CHECKING:
 
 class OpenedSurface(NamedTuple):
     """A one-sided surface, such as a Moebius strip, after a cut along a seam.
-    turned  : (m,) mask of faces whose orientation was reversed.    given : surface before the cut, n vertices, m faces.
-    surface : surface after the cut, with more vertices (n') and the same faces in the same order.
-    twins   : (k, 2) pairs of vertices of `surface` at one place, on the two sides of the seam."""
+    given   : surface before the cut, with n vertices and m faces.
+    turned  : (m,) mask of faces that were turned over, to orient all faces alike.
+    surface : surface after the cut, with more vertices (n') and the same order of faces.
+    twins   : (k, 2) pairs of vertices of `surface` that have equal positions, on opposite sides of the seam."""
 
     given: Surface
     turned: Bools
@@ -46,13 +47,13 @@ class OpenedSurface(NamedTuple):
     twins: Ints
 
     def offsets(self, corners: Floats) -> Floats:
-        """Return half-thickness vectors (n', 3) at vertices, from those at face corners before the cut (m, 3, 3)."""
+        """Return half-thickness vectors (n', 3) at vertices after the cut. corners : (m, 3, 3), at face corners."""
         vectors = np.zeros((self.surface.n, 3))
         vectors[self.surface.F] = np.where(self.turned[:, None, None], -corners[:, [0, 2, 1]], corners)
         return vectors
 
     def sheet(self, sheet: Sheet) -> tuple[Sheet, Ints]:
-        """Return a sheet after a cut along the seam, and the pairs (k, 2) of half-edges that meet at the seam."""
+        """Cut a sheet along the seam; return the sheet, and the pairs (k, 2) of half-edges that met at the seam."""
         oriented = _with_turned(sheet.surface, self.turned[sheet.parent])
         seam = _seam(oriented)
         F = corner_fans(oriented.F, oriented.edges, apart=seam)
@@ -75,7 +76,7 @@ class OpenedSurface(NamedTuple):
 
 
 def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
-    """Cut a one-sided surface along a seam, if possible through openings of its sheet; None if it is two-sided."""
+    """Cut a one-sided surface along a seam, preferably through openings of its sheet. None for a two-sided surface."""
     if not one_sided_pieces(surface.F, surface.edges).any():
         return None
     kept_share = np.bincount(sheet.parent, sheet.surface.areas, surface.m) / surface.areas
@@ -95,8 +96,8 @@ def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
 
 
 def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
-    """Return a mask (m,) of faces to reverse, so that normals disagree only across the cheapest seam.
-    The seam joins two places of the boundary. None if there is no seam.    counts : (m,) cost of a metre of seam."""
+    """Return a mask (m,) of faces to turn over, so that normals disagree only across the cheapest seam.
+    The seam begins and ends on the boundary; None without a seam.    counts : (m,) cost of a metre of seam."""
     n, m, edges = surface.n, surface.m, surface.edges
     h0, h1 = edges.pairs.T
     f, g, ends = h0 // 3, h1 // 3, edges.ends[edges.count == 2]
@@ -127,8 +128,8 @@ def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
 def _shortest_path(
     count: int, starts: Ints, ends: Ints, turns: Ints, lengths: Floats, source: int, target: int
 ) -> Ints:
-    """Return numbers of edges on a shortest path; empty without a path. The copy of node i is node i + count / 2.
-    An edge with `turns` 1 leads from a node to the copy of the edge's other end."""
+    """Return numbers of edges on a shortest path; empty without a path. Node i + count / 2 is a copy of node i.
+    An edge with `turns` = 0 joins nodes, or their copies. With `turns` = 1, it joins a node to a copy."""
     half = count // 2
     tails = np.concatenate([starts, starts + half])
     heads = np.concatenate([ends + half * turns, ends + half * (1 - turns)])
@@ -144,7 +145,7 @@ def _shortest_path(
 
 
 def _turned_for_smooth_seam(surface: Surface, rounds: int = 1000) -> Bools:
-    """Return a mask (m,) of faces to reverse, so that at least half of a face's outline meets like normals."""
+    """Return a mask (m,) of faces to turn over, so that normals agree across at least half of each outline."""
     h0, h1 = surface.edges.pairs.T
     f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
     lengths = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
@@ -176,9 +177,9 @@ def _seam(surface: Surface) -> Bools:
 
 
 def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
-    """Write one file in the format of the suffix of `path`, and read it back as a check; return the path. A design
-    gives the same file as `dsfab build` or `dsfab export`. A solid, a sheet or a surface gives a file with its mesh.
-    options : keywords of `dsfab.export.write`, which replace those of the preset.
+    """Write one file in the format of the suffix of `path`, and check it; return the path. A design gives the same
+    file as `dsfab build` or `dsfab export`. A solid, a sheet or a surface gives a file with its mesh.
+    options : keywords of `dsfab.export.write`, which replace values of the preset.
     Raises ExportError if the file cannot be written."""
     if not isinstance(item, Design):
         return written(item.surface if isinstance(item, Sheet) else item, path, **options)
@@ -199,8 +200,8 @@ def to_build123d(thing: Design | Solid) -> "build123d.Shape":
 
 
 def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
-    """Return the part of a design to write, and keywords for `dsfab.export.write`. suffix : a key of `FORMATS`.
-    The part is the solid, the sheet, or, for formats that contain fields, the uncut surface."""
+    """Return the geometry of a design to write, and keywords for `dsfab.export.write`. suffix : a key of `FORMATS`.
+    The geometry is the solid, the sheet, or, for formats that contain fields, the uncut surface."""
     options, form = design.preset.export, FORMATS[suffix]
     if isinstance(form, MemberFormat):
         return design.sheet.surface, {"details": _MEMBER_DETAILS[form.content](design)}
@@ -215,13 +216,13 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
         values = design_fields(design) if design.fields is None else design.fields
         return design.surface, {"details": Details(values=values)}
     tolerance = options.step_tolerance or OUTLINE * design.preset.statics.thickness
-    lines = design_lines(design, 0.0 if form.curves else tolerance)  # curves are fitted later, with this tolerance
+    lines = design_lines(design, 0.0 if form.curves else tolerance)  # 0 for curves, which are fitted to exact lines
     details = Details(lines, tolerance, facts=_facts(design))
     return (design.solid if form.content == "solid and lines" else design.sheet.surface), {"details": details}
 
 
 def body_details(design: Design) -> Details:
-    """Return the members as separate bodies, with the sheet's thickness, density, elastic constants and material."""
+    """Return the members as separate bodies, with thickness, density, elastic constants and material of the sheet."""
     return Details(
         tolerance=design.preset.export.step_tolerance or OUTLINE * design.preset.statics.thickness,
         measures=_measures(design),
@@ -268,7 +269,7 @@ _MEMBER_DETAILS: dict[MemberContent, Callable[[Design], Details]] = {
     "utilisation": lambda design: Details(utilisation=design.member_utilisation),
     "frame": frame_details,
 }
-"""For each kind of content: the function that returns what a file about members contains."""
+"""Functions that return the details for a file about members, by kind of content."""
 
 
 def step_options(options: Export) -> StepOptions:
@@ -301,15 +302,17 @@ def curved_design(design: Design) -> Curved:
     """Return a design's smooth sheet. Raises ExportError for `thickening.extra`, or if the sheet crosses itself."""
     options = design.preset.thickening
     if options.extra:
-        raise ExportError("a smooth sheet cannot have the parts of thickening.extra; remove thickening.extra")
+        raise ExportError(
+            "dsfab cannot write the parts of thickening.extra in a smooth format; remove thickening.extra"
+        )
     if design.solid.repairs.rung == "united":
-        raise ExportError("a sheet that crosses itself cannot be smooth; write a faceted format")
+        raise ExportError("dsfab cannot write a sheet that crosses itself in a smooth format; write a faceted format")
     sheet = curved_sheet(design.surface, design.sheet, design.preset.statics.thickness, options.side)
     return replace(sheet, striped=lambda: striped_sheet(design.surface, design.sheet, design.pattern))
 
 
 def striped_sheet(surface: Surface, sheet: Sheet, pattern: PatternResult) -> StripedSheet:
-    """Return the stripes of a sheet that was cut from `surface` along a pattern."""
+    """Return the cells of a sheet, grouped by stripes. The sheet was cut from `surface` along a pattern."""
     cells, opening = cells_by_stripes(surface, sheet, pattern), opened_surface(surface, sheet)
     sheet_cells, seam = opening.sheet(cells.sheet) if opening else (cells.sheet, NO_PAIRS)
     return StripedSheet(sheet_cells.surface.F, sheet_cells.weights, cells.label, cells.loose, seam)
@@ -317,7 +320,7 @@ def striped_sheet(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Str
 
 def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side: Side = "mid") -> Curved:
     """Return a cut sheet together with its surface, for a smooth STEP file. A one-sided surface is first cut along a
-    seam. thickness : metres, a number or a value for each vertex (n,).    side : see `offsets`."""
+    seam. thickness : metres, a number or an array (n,) for the vertices.    side : see `offsets`."""
     offset, opening, twins = offsets(surface, thickness, side), opened_surface(surface, sheet), NO_PAIRS
     D = offset.D
     if opening:
@@ -328,8 +331,8 @@ def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side
 
 
 def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) -> DividedSheet:
-    """Return the sheet, divided into parts. In each part, one of the c fields (n, c) is the largest.
-    D : (n, 3) half-thickness vectors at vertices of the uncut surface.    snap : see `cut`."""
+    """Divide a sheet into parts, such that a different one of c fields is the largest in each part.
+    D : (n, 3) half-thickness vectors of the uncut surface.    fields : (n, c) values.    snap : see `cut`."""
     count = fields.shape[1]
     chart = np.zeros(sheet.surface.m, dtype=np.int64)
     if count > 1:
@@ -346,8 +349,8 @@ def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) ->
 
 
 def largest_fields(fields: Floats, F: Ints, chart: Ints) -> Ints:
-    """Return the number (m,) of the largest field on each face. A face keeps its number in `chart` if that field is the
-    largest at a corner of the face. Otherwise the largest field at the face's centre counts."""
+    """Return the number (m,) of the largest field on each face. fields : (n, c) values.    chart : (m,) first guess.
+    A guess is correct if its field is the largest at a corner. Otherwise the largest field at the centroid counts."""
     corners = fields[F]
     own_field = np.take_along_axis(corners, chart[:, None, None], axis=2)[:, :, 0]
     is_hidden = (own_field < corners.max(axis=2)).all(axis=1)

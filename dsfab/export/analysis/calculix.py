@@ -28,10 +28,10 @@ class CalculixModel:
     """Finite element model of a sheet: p nodes, m six-node triangles, supports and loads.
     nodes     : (p, 3) coordinates, m.
     triangles : (m, 6) node numbers: three corners, then the middle of the edge after each corner.
-    thickness : m.    young : Pa.    density : kg/m3.
+    thickness : m.    young : Young's modulus, Pa.    density : kg/m3.
     steps     : (p, 3) forces on the nodes, N, by name of the load step.
-    supports  : (p, 3) True for fixed directions, by name of the support (capital letters).
-    clamped   : (p,) True for fixed rotations; only for S6 shells.
+    supports  : (p, 3) True for fixed directions of the nodes, by name of the support (capital letters).
+    clamped   : (p,) True for nodes with fixed rotations; only for S6 shells.
     springs   : (p, 3) stiffness of springs to the ground, N/m.
     Raises ExportError if shapes disagree, steps or supports are missing, or CPS6 triangles leave the plane z = 0."""
 
@@ -70,11 +70,13 @@ class CalculixModel:
             raise ExportError(f"the model {self.name!r} has numbers that are not finite; check its mesh and its loads")
         bad = np.flatnonzero((self.triangles < 0).any(axis=1) | (self.triangles >= len(self.nodes)).any(axis=1))
         if len(bad):
-            raise ExportError(f"{len(bad)} triangles have nodes that the model does not have (first: {first_few(bad)})")
+            raise ExportError(
+                f"{len(bad)} triangles use node numbers that do not exist in the model (first: {first_few(bad)})"
+            )
         if not self.steps or not (any(directions.any() for directions in self.supports.values()) or self.springs.any()):
             raise ExportError(f"the model {self.name!r} has no load step or no support; CalculiX needs both")
         if wrong := [name for name in self.supports if name != _set_name(name)]:
-            raise ExportError(f"the name {wrong[0]!r} is impossible for a node set; use capitals, digits and _")
+            raise ExportError(f"the name {wrong[0]!r} is not valid for a node set; use capitals, digits and _")
         if self.element == "CPS6" and np.ptp(self.nodes[:, 2]) > 0:
             raise ExportError(f"the model {self.name!r} is not in the plane z = 0; use S6 shells, not CPS6 triangles")
 
@@ -92,7 +94,7 @@ def write_calculix(model: CalculixModel, path: str | Path) -> Path:
 
 
 def cards(model: CalculixModel) -> Iterator[str]:
-    """Yield the text of the file in pieces."""
+    """Yield the text of the .inp file in pieces."""
     yield from _header(model)
     numbers = np.arange(1, len(model.nodes) + 1)
     yield "*NODE, NSET=ALL\n"
@@ -192,13 +194,13 @@ PIECES = 4  # number of elements per beam; with four elements, joints are up to 
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the bytes of the file with the beam model."""
+    """Yield the bytes of the .inp file with the beam model of a part."""
     for text in _cards(part.name, part.details.beam_model):
         yield text.encode("ascii", "replace")
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back; raise ExportError if beams or nodes differ."""
+    """Read the .inp file back. Raises ExportError if the beams or the nodes differ."""
     cards = path.read_text(encoding="ascii").split("\n*")
     frame = part.details.beam_model
     beams = sum(card.startswith("ELEMENT, TYPE=B32R") for card in cards)
@@ -206,14 +208,19 @@ def check(part: Part, path: Path) -> ReadBack:
     lines = next(card for card in cards if card.startswith("NODE, NSET=ALL")).splitlines()[1:]
     points = np.array([line.split(",")[1:] for line in lines], dtype=np.float64)
     if not (np.abs(points - frame.points) <= NUMBERS_READ_BACK * np.abs(frame.points).max()).all():
-        raise ExportError(f"the nodes of {part.name!r} have other coordinates when read back; write saf.xlsx instead")
+        raise ExportError(
+            f"the nodes of {part.name!r} have other coordinates when the file is read back; write saf.xlsx instead"
+        )
     return ReadBack(beams, "elements")
 
 
 def _cards(name: str, frame: "Frame") -> Iterator[str]:
     points, ends, n = frame.points, frame.ends, len(frame.points)
-    yield f"** {one_line(name)}: {len(ends)} beams, written by dsfab {__version__}; metres, newtons, pascals\n"
-    yield "** The total force of HELD is the reaction; at nodes with fixed rotations it also includes the moments\n"
+    yield f"** {one_line(name)}: {len(ends)} beams, written by dsfab {__version__}; units: metres, newtons, pascals\n"
+    (
+        yield "** The total force of the node set HELD is the reaction; at nodes with fixed rotations, this sum also "
+        "includes the moments\n"
+    )
     yield "*NODE, NSET=ALL\n"
     yield from rows("%d, %.11e, %.11e, %.11e\n", np.arange(1, n + 1), *points.T)
     yield "*NODE, NSET=BETWEEN\n"

@@ -51,13 +51,15 @@ def check(part: Part, path: Path) -> ReadBack:
     require_equal(part, "beams", len(frame.ends), beams)
     points = np.array([row[2:5] for row in rows if row[:1] == ["node"]], dtype=np.float64)[: len(frame.points)]
     if not (np.abs(points - frame.points) <= NUMBERS_READ_BACK * np.abs(frame.points).max()).all():
-        raise ExportError(f"the nodes of {part.name!r} have other coordinates when read back; write saf.xlsx instead")
+        raise ExportError(
+            f"the nodes of {part.name!r} have other coordinates when the file is read back; write saf.xlsx instead"
+        )
     return ReadBack(beams, "beams")
 
 
 def _lines(name: str, frame: "Frame") -> Iterator[str]:
     yield f"# {one_line(name)}: {len(frame.ends)} beams, written by dsfab {__version__}; metres, newtons, pascals"
-    yield "# run it: OpenSees NAME.tcl > NAME.csv"
+    yield "# run the model with: OpenSees NAME.tcl > NAME.csv"
     yield "wipe"
     yield "model BasicBuilder -ndm 3 -ndf 6"
     for k, (point, word) in enumerate(zip(frame.points, frame.nodes, strict=True), 1):

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 VERSION = "2.2.0"
 Cell = str | int | float
 KILO, MEGA = 1e3, 1e6
-FINE, COARSE = 0.1, 1.0  # widths below and above 100 mm are rounded to these steps (mm); similar beams share a section
+FINE, COARSE = 0.1, 1.0  # rounding steps (mm) of widths below and above 100 mm, so that similar beams share a section
 SMALL = {0: 1e-6, 3: 1e-2}
-"""Smallest forces (key 0) and moments (key 3) in the workbook, as fractions of the largest in their load case."""
+"""Smallest forces (key 0) and moments (key 3) in the workbook, as fractions of the largest value in the load case."""
 TYPES = {
     "S": "Steel",
     "GL": "Timber",
@@ -36,15 +36,15 @@ TYPES = {
     "aluminium": "Aluminium",
     "concrete": "Concrete",
 }
-"""Type of a material by the beginning of its name; all other materials have the type `Other`."""
+"""Type of a material, by the beginning of the material's name; all further materials have the type `Other`."""
 ACTIONS = {
     "permanent": ("Permanent", "Standard"),
     "snow": ("Variable", "Snow"),
     "wind": ("Variable", "Wind"),
     "variable": ("Variable", "Standard"),
 }
-"""Action type and load type in SAF for each kind of load case."""
-GROUPS = {"snow": "Snow", "wind": "Wind", "variable": "Domestic"}  # load type of each group of variable loads, by kind
+"""Action type and load type in SAF, by kind of action."""
+GROUPS = {"snow": "Snow", "wind": "Wind", "variable": "Domestic"}  # load type of a load group in SAF, by kind of action
 DIRECTIONS = ("ux", "uy", "uz", "fix", "fiy", "fiz")
 STIFFNESS = (
     *("Stiffness X [MN/m]", "Stiffness Y [MN/m]", "Stiffness Z [MN/m]"),
@@ -62,7 +62,7 @@ class SafSheet:
 
     @classmethod
     def from_rows(cls, name: str, rows: list[dict[str, Cell | None]]) -> "SafSheet":
-        """Return a sheet with a column for each key in the rows."""
+        """Return a sheet that has a column for each key of `rows`."""
         head = tuple(dict.fromkeys(key for row in rows for key in row))
         return cls(name, head, tuple(tuple(row.get(key) for key in head) for row in rows))
 
@@ -95,7 +95,7 @@ def saf_sheets(name: str, frame: "Frame", description: str = "") -> list[SafShee
 def _model(name: str) -> tuple[tuple[str, str], ...]:
     return (
         ("Name", name),
-        ("Description", "beams along the members of a cut sheet, by dsfab; weight is among the nodal loads"),
+        ("Description", "beams along the members of a cut sheet, by dsfab; the nodal loads include the weight"),
         ("Discipline", "Load-bearing structure"),
         ("Source type", "Structural analysis model"),
         ("Source application", "dsfab"),
@@ -262,7 +262,7 @@ def require_xlsxwriter() -> None:
 
 
 def agreement_text(part: Part) -> str:
-    """Return text that compares the beam model with the shell model."""
+    """Return the sentences that compare the beam model of a part with the shell model."""
     return "\n".join(part.details.facts)
 
 
@@ -287,17 +287,22 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the workbook back and compare its content."""
+    """Read the workbook back, and compare rows and nodes with the part. Raises ExportError for a difference."""
     cells, sheets = workbook_cells(path), saf_sheets(part.name, part.details.beam_model)
     for sheet in sheets:
         rows = cells.get(sheet.name, [])
         require_equal(part, f"rows of {sheet.name}", len(sheet.rows) + (1 if sheet.head else 0), len(rows))
         if sheet.head and tuple(rows[0]) != sheet.head:
-            raise ExportError(f"{sheet.name} of {part.name!r} has other column names when read back; write it again")
+            raise ExportError(
+                f"the sheet {sheet.name} of {part.name!r} has other column names when the file is read back; write "
+                f"the file again"
+            )
     points = _coordinates(cells["StructuralPointConnection"][1:])
     expected = _coordinates([list(row) for row in _sheet(sheets, "StructuralPointConnection").rows])
     if not (np.abs(points - expected) <= NUMBERS_READ_BACK * np.abs(expected).max()).all():
-        raise ExportError(f"the nodes of {part.name!r} have other coordinates when read back; write members.json")
+        raise ExportError(
+            f"the nodes of {part.name!r} have other coordinates when the file is read back; write members.json instead"
+        )
     return ReadBack(len(_sheet(sheets, "StructuralCurveMember").rows), "beams")
 
 
@@ -310,7 +315,7 @@ def _coordinates(rows: Sequence[Sequence[Cell | None]]) -> "np.ndarray[tuple[int
 
 
 def workbook_cells(path: Path) -> dict[str, list[list[Cell | None]]]:
-    """Return the rows of each sheet of a workbook, by sheet name; empty cells are None."""
+    """Return the cells of each sheet of a workbook, by sheet name and in rows; empty cells are None."""
     with zipfile.ZipFile(path) as archive:
         shared = [
             "".join(text.text or "" for text in item.iter(f"{MAIN}t"))

@@ -22,7 +22,7 @@ UNIT = "metre"
 
 
 def prepare(part: Part) -> Part:
-    """Return the part unchanged; raises ExportError for a field without one row per vertex or face."""
+    """Return the part unchanged. Raises ExportError if a field has the wrong number of rows."""
     for name, values in part.details.values.items():
         if len(values) not in (len(part.V), len(part.F)):
             raise ExportError(
@@ -75,7 +75,9 @@ def check(part: Part, path: Path) -> ReadBack:
     result = check_mesh(replace(part, V=part.V / MM_PER_M), V.reshape(-1, 3), F)
     for name, values in part.details.values.items():
         if name not in arrays or not np.array_equal(arrays[name], np.asarray(values).ravel(), equal_nan=True):
-            raise ExportError(f"the field {name!r} of {part.name!r} differs when read back; write .csv or .json")
+            raise ExportError(
+                f"the field {name!r} of {part.name!r} differs when the file is read back; write .csv or .json instead"
+            )
     return result
 
 

@@ -25,7 +25,7 @@ PLATE_SETS = {
     "Qto_PlateBaseQuantities": ("Width", "NetVolume", "NetWeight"),
     "Dsfab_PieceQuantities": ("NetSurfaceArea",),
 }
-"""Names of the quantities of a plate, by quantity set. `Width` in the first set is the thickness of the plate."""
+"""Names of the quantities of a plate, by quantity set. IFC calls the thickness of a plate `Width`."""
 KINDS = dict.fromkeys(("Length", "Width", "Thickness"), "LENGTH")
 for _kind in ("Area", "Volume", "Weight"):
     KINDS |= dict.fromkeys((f"Net{_kind}", f"Gross{_kind}"), _kind.upper())
@@ -34,7 +34,7 @@ Naming = Callable[[str], str]  # function that returns the IFC identifier of an 
 
 
 class Place(NamedTuple):
-    """Numbers of the IFC entities that all elements refer to; `material` and `properties` are 0 if unknown."""
+    """Numbers of IFC entities to which all elements refer. `material` and `properties` are 0 if unknown."""
 
     body: int
     building: int
@@ -46,7 +46,7 @@ class Place(NamedTuple):
 
 
 def file_header(name: str, version: str) -> str:
-    """Return the header of the file."""
+    """Return the header of an IFC file. version : version of dsfab."""
     title = step_string(one_line(name))
     return (
         "ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION(('ViewDefinition [ReferenceView_V1.2]'),'2;1');\n"
@@ -56,7 +56,7 @@ def file_header(name: str, version: str) -> str:
 
 
 def building(entities: StepEntities, name: str, details: Details, naming: Naming) -> Place:
-    """Add the entities that all parts of the roof need; return their numbers."""
+    """Add the IFC entities that all parts of the roof need, such as units; return their numbers."""
     title, measures = step_string(one_line(name)), details.measures
     units = references(_units(entities))
     origin = entities.add("IFCCARTESIANPOINT((0.,0.,0.))")
@@ -79,7 +79,7 @@ def building(entities: StepEntities, name: str, details: Details, naming: Naming
 
 
 def roof(entities: StepEntities, place: Place, name: str, elements: list[int], naming: Naming) -> None:
-    """Add an IFC roof. elements : entity numbers of plates or members."""
+    """Add an IFC roof that consists of `elements`: entity numbers of plates or members."""
     title, listed = step_string(one_line(name)), references(elements)
     roof_entity = entities.add(
         f"IFCROOF('{naming('roof')}',$,'{title}',$,'diffusion structure',#{place.placement},$,$,.FREEFORM.)"
@@ -100,7 +100,7 @@ def _on_site(entities: StepEntities, context: int, origin: tuple[float, float, f
 
 
 def surface_style(entities: StepEntities, name: str, colour: Sequence[float]) -> int:
-    """Add a surface style with a colour (values from 0 to 1); return its number."""
+    """Add a surface style with a colour (red, green, blue; 0 to 1); return its entity number."""
     rgb = entities.add(f"IFCCOLOURRGB($,{','.join(map(real, colour))})")
     shading = entities.add(f"IFCSURFACESTYLESHADING(#{rgb},0.)")
     return entities.add(f"IFCSURFACESTYLE('{step_string(name)}',.BOTH.,(#{shading}))")
@@ -144,7 +144,7 @@ def _properties(entities: StepEntities, measures: Mapping[str, float], naming: N
 
 
 def single_value(entities: StepEntities, name: str, kind: str, value: float) -> int:
-    """Add a property with a number; return its entity number."""
+    """Add a property that has a number as value; return the entity number of the property. kind : IFC type."""
     return entities.add(f"IFCPROPERTYSINGLEVALUE('{name}',$,{kind}({real(value)}),$)")
 
 
@@ -156,8 +156,8 @@ def element(
     amounts: Mapping[str, float],
     naming: Naming,
 ) -> int:
-    """Add a plate with its colour and quantities; return its number. which : name and number of the plate.
-    mesh  : vertices (n, 3), mm, and triangles (m, 3) of vertex numbers from 1."""
+    """Add a plate with colour and quantities; return its entity number. which : name and number of the plate.
+    mesh : vertices (n, 3), mm, and triangles (m, 3) of vertex numbers from 1.    amounts : quantities by name."""
     (name, i), (V, corners) = which, mesh
     faces = face_set(entities, V, corners, place.style)
     shape = entities.add(f"IFCSHAPEREPRESENTATION(#{place.body},'Body','Tessellation',(#{faces}))")
@@ -181,7 +181,7 @@ def _add_quantity_set(
 
 
 def face_set(entities: StepEntities, V: Floats, corners: Ints, style: int) -> int:
-    """Add a closed body of vertices (n, 3) and triangles (m, 3) of vertex numbers from 1; return its number."""
+    """Add a closed body; return its entity number. V : (n, 3), mm.    corners : (m, 3) vertex numbers from 1."""
     points = "".join(comma_separated_rows("(%.6f,%.6f,%.6f),", *V.T))
     listed = entities.add(f"IFCCARTESIANPOINTLIST3D(({points}))")
     triangles = "".join(comma_separated_rows("(%d,%d,%d),", *corners.T))
@@ -191,7 +191,7 @@ def face_set(entities: StepEntities, V: Floats, corners: Ints, style: int) -> in
 
 
 def real(value: float) -> str:
-    """Return a number as text with a decimal point."""
+    """Return a number as IFC text, which needs a decimal point."""
     text = f"{value:.12g}".upper()
     head, e, power = text.partition("E")
     return (head if "." in head else head + ".") + e + power
@@ -208,7 +208,7 @@ def require_ifcopenshell() -> None:
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the bytes of an IFC file with a plate for each piece."""
+    """Yield the bytes of an IFC file with a plate for each separate piece of the part."""
     shell, solids = solids_of(part)
     entities, measures = StepEntities(1), part.details.measures
     yield file_header(part.name, __version__).encode()
@@ -232,13 +232,13 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def pending_bytes(entities: StepEntities) -> Iterator[bytes]:
-    """Yield the text of the entities that are not yet written, and clear the list."""
+    """Yield the text of the entities that are not yet written; then clear the list of entities."""
     yield "".join(entities.text).encode("ascii")
     entities.text.clear()
 
 
 def identifier(name: str, what: str) -> str:
-    """Return the 22 characters of an IFC identifier."""
+    """Return the IFC identifier (22 characters) of the entity `what` in the file `name`."""
     value = uuid.uuid5(PLACE, f"{name}/{what}").int
     digits = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_$"
     return "".join(digits[(value >> (6 * k)) & 63] for k in range(21, -1, -1))
@@ -250,7 +250,7 @@ def check(part: Part, path: Path) -> ReadBack:
 
 
 def millimetre_model(part: Part, path: Path) -> Any:
-    """Read a file with ifcopenshell. Raises ExportError if reading fails, or for another unit."""
+    """Read a file with ifcopenshell. Raises ExportError if reading fails, or if the unit is not mm."""
     import ifcopenshell
     import ifcopenshell.util.unit
 
@@ -260,7 +260,9 @@ def millimetre_model(part: Part, path: Path) -> Any:
     except Exception as error:  # ifcopenshell does not document its errors
         raise ExportError(f"ifcopenshell cannot read the IFC file of {part.name!r}: {error}") from error
     if abs(scale * MM_PER_M - 1) > 1e-9:
-        raise ExportError(f"the IFC file of {part.name!r} has lengths that are not in millimetres; write .step instead")
+        raise ExportError(
+            f"the IFC file of {part.name!r} does not state its lengths in millimetres; write .step instead"
+        )
     return model
 
 
@@ -304,7 +306,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back, and compare name, triangles and volume of each member with the part's."""
+    """Read the file back; compare the name, triangles and volume of each member with those in `part`."""
     model = millimetre_model(part, path)
     meshes = {}
     for element in sorted(model.by_type("IfcBuildingElement"), key=lambda item: item.id()):  # in the file's order
@@ -354,7 +356,7 @@ def _add_quantities(
     usual = {key: value for key, value in amounts.items() if key.endswith(("Volume", "Weight"))}
     if shape.plate:
         usual |= {key: value for key, value in amounts.items() if key.endswith("Area")}
-        usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # IFC calls it Width
+        usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # IFC calls the thickness Width
     elif "Length" in amounts:
         usual |= {"Length": amounts["Length"]}
     for name, set_amounts in ((title, usual), ("Dsfab_MemberQuantities", amounts)):

@@ -37,7 +37,7 @@ from dsfab.export.writing import one_line
 BLACK, GREY = (0, 0, 0), (150, 150, 150)
 MESH = "sheet"  # name of the layer of the mesh
 _PROPERTIES, _HISTORY, _SHORT = 0x10000014, 0x20008021, 0x80000000
-"""Codes of the chunks for a file's properties and for its history. A chunk whose code has the bit `_SHORT` is empty."""
+"""Codes of the chunks with a file's properties and with its history. A chunk with bit `_SHORT` in its code is empty."""
 _TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)  # 1 January 1980, a Tuesday, as C's `struct tm`
 
 
@@ -77,7 +77,7 @@ def empty_model() -> Any:
 
 
 def archive(model: Any) -> bytes:
-    """Return a model as the bytes of a 3DM file, with constant times."""
+    """Return a model as the bytes of a 3DM file, with constant time stamps."""
     version = 7  # Rhino 7 and newer versions read the file
     import rhino3dm
 
@@ -90,7 +90,7 @@ Ids = Callable[[str], uuid.UUID]
 
 
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
-    """Return a function that gives each name a UUID."""
+    """Return a function that makes a UUID from a text. The UUID also depends on `name` and `arrays`."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
@@ -107,14 +107,14 @@ def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int]) -> 
 
 
 def without_times(data: bytes) -> bytes:
-    """Replace the times in a 3DM file by constants. Raises ExportError."""
+    """Replace the time stamps in a 3DM file by constants. Raises ExportError for an unknown layout."""
     header = 32  # 32 bytes precede the first chunk: code (4 bytes), length (8), content
     content = bytearray(data)
     properties = _chunk(data, header, len(data), _PROPERTIES)
     history = _chunk(data, *properties, _HISTORY) if properties else None
     if history is None:
         raise ExportError(
-            "the .3dm file of rhino3dm has a layout that dsfab does not know; write .dxf and .stl instead"
+            "rhino3dm writes .3dm files in a layout that dsfab does not know; write .dxf and .stl instead"
         )
     start, end = history
     position = start + 1
@@ -161,7 +161,7 @@ def rhino_polyline(points: Floats) -> Any:
 
 
 def rhino_curve(chain: list[Curve]) -> Any:
-    """Build one rhino3dm curve from consecutive curves."""
+    """Build a single rhino3dm curve from consecutive curves."""
     import rhino3dm
 
     segments = list[Any]()
@@ -218,7 +218,7 @@ def _valid_items(part: Part, path: Path, instead: str) -> list[tuple[str, Any]]:
 
 
 def rhino_arrays(mesh: Any) -> tuple[Floats, Ints]:
-    """Return vertices (n, 3) and corners (m, 4) of a rhino3dm mesh; a triangle repeats the last corner."""
+    """Return vertices (n, 3) and face corners (m, 4) of a rhino3dm mesh; a triangle has its last corner twice."""
     V = np.array([(v.X, v.Y, v.Z) for v in map(mesh.Vertices.Point3dAt, range(len(mesh.Vertices)))]).reshape(-1, 3)
     return V, np.array([mesh.Faces[i] for i in range(mesh.Faces.Count)], dtype=np.int64).reshape(-1, 4)
 

@@ -32,7 +32,7 @@ from dsfab.surface import StructureLine, polyline_length, simplified_line
 
 APPLICATION = "DSFAB"
 COLOURS = {"major": 5, "minor": 1, "keep": 3, "rim": 4, "boundary": 7}
-"""Colour numbers of the AutoCAD palette: blue, red, green, cyan, and black on white paper."""
+"""Colour number of each family of lines in the AutoCAD palette: blue, red, green, cyan; black on white paper."""
 WEIGHTS = {"boundary": 50, "edge": 25, "centre": 13}  # widths of lines, in hundredths of a millimetre
 
 
@@ -52,7 +52,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def new_document(part: Part) -> Any:
-    """Return an empty ezdxf drawing in millimetres."""
+    """Return a new ezdxf drawing in millimetres, without lines."""
     import ezdxf
 
     document = ezdxf.new("R2010", setup=["linetypes"])
@@ -84,7 +84,7 @@ def _add_views(document: Any, part: Part) -> None:
 
 
 def add_curves(space: Any, chain: list[Curve], flat: bool, layer: str) -> Iterator[Any]:
-    """Draw a line from its curves, and yield the new entities."""
+    """Add the curves of a line to a DXF drawing, and yield the new entities."""
     for run in joined_segments(chain):
         if isinstance(run, Curve):
             poles, knots = run.poles.tolist(), run.knots.tolist()
@@ -137,7 +137,7 @@ def reproducible_output() -> Iterator[None]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back, and compare its unit and its lines with the part."""
+    """Read the file back, and compare its unit and lines with the part."""
     document = _sound_document(part, path, ".svg or .csv")
     points_by_line = defaultdict[str, list[Floats]](list)
     for entity in document.modelspace():
@@ -157,7 +157,7 @@ def _sound_document(part: Part, path: Path, instead: str) -> Any:
 
 
 def points_along(entity: Any) -> Floats:
-    """Return points (k, 3) along a spline or a polyline; a closed polyline repeats its first point."""
+    """Return points (k, 3) along a DXF spline or polyline. A closed polyline repeats its first point."""
     if entity.dxftype() == "SPLINE":
         curve = entity.construction_tool()
         return np.array([tuple(point) for point in curve.points(sample_parameters(np.array(entity.knots)))])
@@ -170,7 +170,7 @@ def points_along(entity: Any) -> Floats:
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield the bytes of a DXF drawing with a group for each member."""
+    """Yield the bytes of a DXF drawing of a part's members, with a group for each member."""
     with reproducible_output():
         document = new_document(part)
         space = document.modelspace()
@@ -224,6 +224,9 @@ def check_members(part: Part, path: Path) -> ReadBack:
         length_read = sum(map(polyline_length, (*lines[True], *lines[False])))
         length_expected = polyline_length(shape.axis) + sum(map(polyline_length, shape.edges))
         if not abs(length_read - length_expected) <= 10 * READ_BACK * length_expected:
-            raise ExportError(f"the lines of {shape.id} in {part.name!r} differ when read back; write .members.json")
+            raise ExportError(
+                f"the lines of {shape.id} in {part.name!r} differ when the file is read back; write .members.json "
+                f"instead"
+            )
         total, total_expected = total + length_read, total_expected + length_expected
     return ReadBack(len(shapes), "members", total / total_expected - 1, "length")

@@ -28,7 +28,7 @@ STROKES = {
     "FOLD": "#088",
     "AXIS": "#bbb",
 }
-"""Colours of the layers in SVG, as in DXF."""
+"""Colours of the layers in SVG, equal to the colours in DXF."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class FlatLine:
 
 @dataclass(frozen=True)
 class FlatCircle:
-    """A circle with its centre `at` and its diameter, metres."""
+    """A circle with the centre `at` and a diameter, metres."""
 
     layer: str
     at: tuple[float, float]
@@ -62,13 +62,13 @@ class FlatDrawing:
 
     @property
     def layers(self) -> list[str]:
-        """Names of the used layers in the order of `COLOURS`."""
+        """Names of the layers that lines or circles use, in the order of `COLOURS`."""
         used = {line.layer for line in self.lines} | {circle.layer for circle in self.circles}
         return [name for name in COLOURS if name in used]
 
 
 def flat_dxf(drawing: FlatDrawing) -> bytes:
-    """Return a drawing as a DXF file."""
+    """Return a drawing as the bytes of a DXF file."""
     frame = _frame(tuple(drawing.layers))
     count = len(drawing.lines) + len(drawing.circles)
     seed = "  9\n$HANDSEED\n  5\n{:X}\n"
@@ -136,11 +136,13 @@ def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
     is_complete = len(codes) == len(values) and values[-1:] == ["EOF"] and all(map(str.isdecimal, codes))
     counts = begun["LWPOLYLINE"], begun["CIRCLE"]
     if not is_complete or counts != (len(drawing.lines), len(drawing.circles)) or unit != "4":
-        raise ExportError(f"the drawing {drawing.title!r} differs when read back; use the .svg files instead")
+        raise ExportError(
+            f"the drawing {drawing.title!r} differs when the file is read back; use the .svg files instead"
+        )
 
 
 def flat_svg(drawing: FlatDrawing, hair: float = 0.0) -> bytes:
-    """Return a drawing as SVG at full size, with layers for Inkscape.
+    """Return a drawing as the bytes of an SVG file at full size, with layers for Inkscape.
     hair : width of the lines, m; 0 for the default."""
     return "".join(_svg(drawing, MM_PER_M * hair)).encode()
 

@@ -1,4 +1,4 @@
-"""SVG: plan and elevations on an A3 sheet.
+"""SVG drawings with plan and elevations on A3 paper.
 
 A unit of the file is a millimetre of paper. Line widths follow ISO 128."""
 
@@ -31,7 +31,7 @@ svg { fill: none; stroke: #000; stroke-linecap: round; stroke-linejoin: round }
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the SVG text of the drawing."""
+    """Yield the bytes of the SVG drawing of a part."""
     return (text.encode() for text in _texts(part))
 
 
@@ -56,7 +56,7 @@ def _texts(part: Part) -> Iterator[str]:
 
 
 def scale_name(scale: float) -> str:
-    """Return a scale as text: '1:20', or '5:1' for an enlargement."""
+    """Format a scale as text: '1:20', or '5:1' for an enlargement."""
     return f"1:{scale:g}" if scale >= 1 else f"{1 / scale:g}:1"
 
 
@@ -118,7 +118,7 @@ def _title_block(part: Part, name: str, scale: float) -> Iterator[str]:
         yield _text(x + 4, y + 14 + 4.4 * i, 3, fact)
     yield _text(x + 109, y + 8, 5, f"Scale {scale_name(scale)}", 'font-weight="bold"')
     yield from _scale_bar(x + 109, y + 13, scale)
-    yield _text(x + 109, y + 26, 2.4, "Dimensions in millimetres. Paper A3. Middle surface.")
+    yield _text(x + 109, y + 26, 2.4, "Dimensions in millimetres. Paper A3. The drawing shows the middle surface.")
     yield _text(x + 109, y + 30.5, 2.4, f"Drawn by dsfab {__version__}") + "\n</g>\n"
 
 
@@ -135,11 +135,13 @@ def _scale_bar(x: float, y: float, scale: float) -> Iterator[str]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Compare the file with the drawing. Raises ExportError."""
+    """Compare the lines in the file with the part's drawing. Raises ExportError for a difference."""
     root = ElementTree.parse(path).getroot()
     lines = [element for element in root.iter() if element.get("data-id")]
     expected = sum(len(placed_view.view.runs) for placed_view in views_on_paper(part, TITLE)[1])
     require_equal(part, "lines", expected, len(lines))
     if root.get("width") != f"{PAPER[0]:g}mm":
-        raise ExportError(f"the drawing of {part.name!r} does not contain the paper's width in mm; write .dxf")
+        raise ExportError(
+            f"the drawing of {part.name!r} does not contain the width of the paper in mm; write .dxf instead"
+        )
     return ReadBack(len(lines), "lines")

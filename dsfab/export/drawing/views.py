@@ -16,13 +16,13 @@ AXES = {
     "Front elevation": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)),
     "Right elevation": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
 }
-"""Three directions of each view, by title: to the right, upwards, and to the eye."""
+"""Directions of each view to the right, upwards and to the eye, by the title of the view."""
 
 
 @dataclass(frozen=True, eq=False)
 class DrawingView:
     """A view of a sheet.
-    runs  : visible parts of lines, points (k, 2), mm.    low, high : corners of the view, mm.
+    runs  : visible parts of lines: the line, and points (k, 2), mm.    low, high : corners of the view, mm.
     loops : outline of the region to fill, by the even-odd rule; empty if the sheet hides a part of itself."""
 
     title: str
@@ -33,12 +33,12 @@ class DrawingView:
 
     @cached_property
     def extent(self) -> Floats:
-        """Width and height (2,), millimetres."""
+        """Width and height (2,) of the view, millimetres."""
         return self.high - self.low
 
 
 def views(part: Part) -> list[DrawingView]:
-    """Return plan and elevations of a sheet with its lines."""
+    """Return the plan and the elevations of a sheet with its lines."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     sheet = Surface(part.V, part.F)
     drawings = []
@@ -72,7 +72,8 @@ def _view(
 
 @dataclass(frozen=True, eq=False)
 class _DepthPicture:
-    """Largest coordinate towards the eye in each cell of a grid (w, h); -inf in empty cells."""
+    """Depth image of a mesh. depth : (w, h) largest coordinate towards the eye in each cell; -inf in empty cells.
+    low : (2,) corner of the grid.    cell : size of a cell."""
 
     low: Floats
     cell: float
@@ -80,7 +81,7 @@ class _DepthPicture:
 
     @classmethod
     def from_mesh(cls, X: Floats, F: Ints, low: Floats, high: Floats, cell: float) -> "_DepthPicture":
-        """Return the depth of a mesh X (n, 3), F (m, 3) in cells between the corners `low` and `high` of a view."""
+        """Return the depth image of a mesh X (n, 3), F (m, 3) between the corners `low` and `high` of a view."""
         shape = np.ceil((high - low) / cell).astype(np.int64) + 3
         depth = np.full(int(shape.prod()), -np.inf)
         corners = X[F]
@@ -129,7 +130,8 @@ STEPS = (1.0, 2.0, 2.5, 5.0)  # usual scales are these numbers times powers of t
 
 @dataclass(frozen=True, eq=False)
 class PlacedView:
-    """A view on paper. corner : upper left corner, mm from the paper's upper left corner."""
+    """A view on paper. corner : upper left corner of the view, mm to the right of and below the paper's corner.
+    scale : millimetres of the view per millimetre of paper."""
 
     view: DrawingView
     corner: tuple[float, float]
@@ -137,17 +139,17 @@ class PlacedView:
 
     @property
     def size(self) -> Floats:
-        """Width and height on paper (2,), millimetres."""
+        """Width and height (2,) of the view on paper, millimetres."""
         return np.asarray(self.view.extent / self.scale)
 
     def on_paper(self, points: Floats) -> Floats:
-        """Transform points (k, 2) of the view to millimetres of paper, y downwards."""
+        """Transform points (k, 2) of the view to positions on paper in millimetres, y downwards."""
         x, y = ((points - self.view.low) / self.scale).T
         return np.stack([self.corner[0] + x, self.corner[1] + self.size[1] - y], axis=1)
 
 
 def views_on_paper(part: Part, title: tuple[float, float]) -> tuple[float, list[PlacedView]]:
-    """Return the scale (mm per mm of paper), and the views on paper.
+    """Return the scale (millimetres of the view per millimetre of paper), and the views on paper.
     title : width and height of the title block, mm."""
     by_name = {view.title.split()[0]: view for view in views(part)}
     rows = (("Plan", "Front", "Right"),), (("Front", "Right"), ("Plan",)), (("Plan",), ("Front",), ("Right",))
@@ -189,7 +191,7 @@ def _place_rows(rows: list[list[DrawingView]], scale: float, title: tuple[float,
     free = min(
         (PAPER[0] - 2 * PAPER_MARGIN - width) / (len(row) + 1) for row, (width, _) in zip(rows, sizes, strict=True)
     )
-    space = max(free if len(rows) == 1 else min(free, 30.0), 0.0)  # the same gap in all rows keeps the views in line
+    space = max(free if len(rows) == 1 else min(free, 30.0), 0.0)  # equal gaps in all rows align the views
     placed, y = list[PlacedView](), PAPER_MARGIN
     for row, (_, height) in zip(rows, sizes, strict=True):
         y, x = y + gap, PAPER_MARGIN

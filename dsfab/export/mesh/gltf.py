@@ -1,4 +1,4 @@
-"""GLB files (binary glTF 2.0), in metres, y upwards."""
+"""GLB files (binary glTF 2.0) in metres, with the y axis upwards."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -63,7 +63,7 @@ def check(part: Part, path: Path) -> ReadBack:
 
 
 def millimetres(V: Floats) -> Floats:
-    """Convert vertices (n, 3) of a glTF file (metres, y upwards) to millimetres, z upwards."""
+    """Convert vertices (n, 3) from metres with y upwards, as in glTF files, to millimetres with z upwards."""
     return V[:, [0, 2, 1]] * [1, -1, 1] * MM_PER_M
 
 

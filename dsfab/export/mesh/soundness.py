@@ -1,4 +1,4 @@
-"""Soundness of a triangle mesh."""
+"""Tests of a triangle mesh for faults such as open edges and crossing triangles."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from dsfab.thickening.self_intersection import intersecting_pairs
 
 
 def solids_of(part: Part) -> tuple[Ints, list[list[int]]]:
-    """Return the shell (m,) of each triangle, and the shells of each solid: the outer shell, then the voids.
+    """Return the shell number (m,) of each triangle, and for each solid its shell numbers: outer shell, then voids.
     Raises ExportError for a void without an outer shell."""
     count, shell = pieces(part.F, edge_table(part.F))
     volumes = [signed_volume(part.V, part.F[shell == i]) for i in range(count)]
@@ -42,19 +42,19 @@ def winding(point: Floats, V: Floats, F: Ints) -> float:
 
 
 FAULTS = {
-    "open": "{} edges have one triangle only: there is a hole in the skin",
-    "crowded": "{} edges have more than two triangles: parts touch along a line",
-    "turned": "{} edges have triangles that face opposite sides: some faces are flipped",
+    "open": "{} edges have only one triangle: the surface of the solid has a hole",
+    "crowded": "{} edges have more than two triangles: parts of the solid touch along a line",
+    "turned": "{} edges have two triangles that face opposite sides: some faces are flipped",
     "repeated": "{} triangles are copies of other triangles",
     "crossing": "{} pairs of triangles cross: parts of the solid run through each other",
     "inside_out": "{} closed surfaces face inward: their faces are flipped",
 }
-"""Description of each kind of fault for the person who repairs the mesh."""
+"""Description of each kind of fault, for the person who repairs the mesh."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault of a mesh: kind, number, and place of the first, metres."""
+    """Faults of a kind in a mesh: their `count`, and the place of the first fault, metres."""
 
     kind: str
     count: int
@@ -62,7 +62,7 @@ class Fault:
 
     @property
     def message(self) -> str:
-        """Number and description of the fault."""
+        """Text with the number of the faults and their description."""
         return FAULTS[self.kind].format(self.count)
 
 
@@ -70,7 +70,7 @@ class Fault:
 class Soundness:
     """Faults and measures of a mesh.
     faults    : empty for a sound mesh.
-    pinches   : number of points where two parts touch; no fault.
+    pinches   : number of points where two parts touch. This is not a fault.
     shells    : number of closed surfaces; a hollow body has two.    pieces : number of connected bodies.
     crossings : (k, 2) pairs of triangles that cross.    tested : True if crossings were tested.
     volume    : m3, valid for closed meshes only.     area : m2."""
@@ -91,7 +91,7 @@ class Soundness:
 
     @property
     def watertight(self) -> bool:
-        """True for a closed mesh with consistent orientation."""
+        """True for a closed mesh with consistently oriented triangles."""
         return not any(fault.kind in ("open", "crowded", "turned", "repeated") for fault in self.faults)
 
     @property
@@ -131,7 +131,7 @@ def soundness(V: Floats, F: Ints) -> Soundness:
 
 
 def fault_at(kind: str, places: Floats) -> Fault | None:
-    """Return a fault of this kind at `places` (k, 3), m; None without places."""
+    """Return the faults of this kind at `places` (k, 3), m; None without places."""
     if not len(places):
         return None
     x, y, z = places[0].tolist()

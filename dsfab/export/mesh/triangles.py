@@ -21,7 +21,7 @@ _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribut
 
 
 def prepare_stl(part: Part) -> Part:
-    """Return the part in single precision, with vertices merged by position."""
+    """Return the part with coordinates in single precision. Merge vertices at equal positions."""
     part = in_single_precision(part)
     V, F = merged_mesh(part.V, part.F)
     return replace(part, V=V, F=F)
@@ -75,7 +75,9 @@ def check_ply(part: Part, path: Path) -> ReadBack:
     read = check_mesh(part, *read_with_igl(path))
     short = sum(map(len, encode_ply(part))) - path.stat().st_size
     if short > 0:
-        raise ExportError(f"the file of {part.name!r} lacks {short} bytes; free some space or write another format")
+        raise ExportError(
+            f"the file of {part.name!r} is {short} bytes too short; free some space or write another format"
+        )
     return read
 
 
@@ -120,14 +122,16 @@ def check_3mf(part: Part, path: Path) -> ReadBack:
     meshes = model.GetMeshObjects()
     faults = [reader.GetWarning(i)[1] for i in range(reader.GetWarningCount())]
     if model.GetUnit() != lib3mf.ModelUnit.MilliMeter:
-        faults.append("the unit is not millimetre")
+        faults.append("the unit of the file is not the millimetre")
     if faults or meshes.Count() != 1:
         raise ExportError(f"lib3mf finds faults in the 3MF file of {part.name!r}: {'; '.join(faults)}")
     meshes.MoveNext()
     mesh = meshes.GetCurrentMeshObject()
     result = check_mesh(part, *_arrays(mesh))
     if not mesh.IsManifoldAndOriented():
-        raise ExportError(f"{part.name!r} is not manifold by lib3mf; repair edges with four triangles, or write STL")
+        raise ExportError(
+            f"lib3mf finds that {part.name!r} is not manifold; repair edges with four triangles, or write STL"
+        )
     return result
 
 

@@ -1,4 +1,4 @@
-"""Section forces of a sheet, forces and utilisation of members, as CSV and workbook; SI units."""
+"""CSV files and workbooks in SI units: section forces of a sheet, forces and utilisation of members."""
 
 import csv
 import io
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 COLUMNS = ("N [N]", "Vy [N]", "Vz [N]", "Mt [N m]", "My [N m]", "Mz [N m]")
 
-UNITS = "units: metres, newtons; n and q: newtons per metre of section; m: newton metres per metre of section"
+UNITS = "units: metres and newtons; n and q: newtons per metre of section; m: newton metres per metre of section"
 Q_LESS = "shear q converges one order slower than moment m; on ribs 3 or 4 faces wide, q is up to a fifth too small"
 SHEET_FORMAT = "%.8g"
 READ = 1e-6  # largest error of numbers read back / largest number of the column
 
 
 def prepare_fields(part: Part) -> Part:
-    """Return the part with section forces as fields of the faces, for a VTU file."""
+    """Return the part with its section forces as values in the faces, for a VTU file."""
     details = part.details
     values = {name: column for name, column in _faces(part).items() if not name.startswith(("centre", "area"))}
     for case, forces in details.section_forces.items():
@@ -40,8 +40,8 @@ def prepare_fields(part: Part) -> Part:
 
 
 def encode_sheet(part: Part) -> Iterator[bytes]:
-    """Yield a CSV file of section forces, with a row per face (from 1) and load case."""
-    yield "".join(f"# {x}\r\n" for x in (UNITS, *CONVENTION, "one row per face and case; " + Q_LESS)).encode()
+    """Yield the bytes of a CSV file of section forces. A row has a face, numbered from 1, and a load case."""
+    yield "".join(f"# {x}\r\n" for x in (UNITS, *CONVENTION, "one row for each face and load case; " + Q_LESS)).encode()
     faces = _scalars(_faces(part))
     yield _line(["case", "face", *faces, *_names(part)]).encode()
     for case, forces in part.details.section_forces.items():
@@ -66,7 +66,8 @@ def check_sheet(part: Part, path: Path) -> ReadBack:
         expected = np.stack([*faces.values(), *_scalars(_columns(forces)).values()], axis=1)
         if not (np.abs(block[:, 1:] - expected) <= READ * np.abs(expected).max(axis=0)).all():
             raise ExportError(
-                f"the section forces of {part.name!r} under {case} differ when read back; write .forces.vtu"
+                f"the section forces of {part.name!r} under {case} differ when the file is read back; write "
+                f".forces.vtu instead"
             )
     return ReadBack(len(numbers), "rows")
 
@@ -121,16 +122,18 @@ def _line(words: list[str]) -> str:
 MEMBER_NOTES = (
     "forces of members at their sections, summed from n, m and q of the cut sheet",
     "units: metres, newtons, newton metres",
-    "x along the member, from the first node of its bay; z: normal of the surface; y = z cross x, to the left",
+    "x along the member, from the first node of its bay (the part between two nodes); z: normal of the surface; y = z "
+    "cross x, to the left",
     "signs on a section with outward normal x: positive N is tension; positive My stretches the side at positive z",
     "positive Mz stretches the right side (negative y); Mt turns about x; Vy and Vz act along y and z",
     "rows 'least' and 'greatest': smallest and largest value of each column over all cases and combinations",
-    "bays end where joints begin; Vz, the least accurate force, follows the change of moments where both differ",
+    "bays end where joints begin; Vz is the least accurate force, and is computed from the change of moments where "
+    "both values differ",
 )
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield a CSV file of member forces, with a row per member, station and case."""
+    """Yield the bytes of a CSV file of member forces, with a row for each member, station and load case."""
     text = io.StringIO()
     text.writelines(f"# {line}\r\n" for line in MEMBER_NOTES)
     writer = csv.writer(text)
@@ -149,7 +152,9 @@ def check_members(part: Part, path: Path) -> ReadBack:
     expected = np.concatenate([rows for along in _forces(part).values() for rows in _tables(along).values()])
     require_equal(part, "rows", len(expected), len(numbers))
     if not (np.abs(numbers - expected) <= READ * np.abs(expected).max(axis=0)).all():
-        raise ExportError(f"the forces of members of {part.name!r} differ when read back; write forces.csv instead")
+        raise ExportError(
+            f"the forces of members of {part.name!r} differ when the file is read back; write forces.csv instead"
+        )
     return ReadBack(len(numbers), "rows")
 
 
@@ -157,7 +162,7 @@ NOT_IN_NAMES = str.maketrans(dict.fromkeys("[]:*?/\\'", "_"))
 
 
 def encode_workbook(part: Part) -> Iterator[bytes]:
-    """Yield a workbook of member forces, with a sheet for each member."""
+    """Yield the bytes of a workbook of member forces, with a worksheet for each member."""
     import xlsxwriter
 
     file, members = io.BytesIO(), _forces(part)
@@ -195,13 +200,16 @@ def check_workbook(part: Part, path: Path) -> ReadBack:
             numbers.shape != expected.shape
             or not (np.abs(numbers - expected) <= NUMBERS_READ_BACK * np.abs(expected).max()).all()
         ):
-            raise ExportError(f"the forces of {name} of {part.name!r} differ when read back; write member_forces.csv")
+            raise ExportError(
+                f"the forces of {name} of {part.name!r} differ when the file is read back; write member_forces.csv "
+                f"instead"
+            )
         count += len(expected)
     return ReadBack(count, "rows")
 
 
 def sheet_names(members: Iterable[str]) -> list[str]:
-    r"""Return distinct names for the members' sheets, at most 31 letters, without []:*?/\\'."""
+    r"""Return different names for the members' worksheets, with at most 31 letters and without []:*?/\\'."""
     seen, names, width = {"about", "largest"}, [], 31
     for member in members:
         word = member.translate(NOT_IN_NAMES)[:width]
@@ -239,14 +247,15 @@ def _largest(members: Mapping[str, "MemberForces"]) -> Iterator[list[Any]]:
 
 
 UTILISATION_NOTES = (
-    "utilisation: force over resistance of members, for each bay, the largest first; the limit is 1",
-    "units: metres, newtons, newton metres; forces as in member_forces.csv, of the section that gives the utilisation",
+    "utilisation: force divided by resistance, for each bay of the members, the largest value first; the limit is 1",
+    "units: metres, newtons, newton metres; forces as in member_forces.csv, for the section with the largest "
+    "utilisation",
 )
 HEAD = ("member", "bay", "utilisation", "check", "clause", "case", "along [m]", "width [m]", "thickness [m]", "bay [m]")
 
 
 def encode_utilisation(part: Part) -> Iterator[bytes]:
-    """Yield a CSV file of utilisations, with a row for each bay of a member."""
+    """Yield the bytes of a CSV file of utilisations, with a row for each bay (part between nodes) of a member."""
     utilisation = _utilisation(part)
     text, bays = io.StringIO(), utilisation.bays
     text.writelines(f"# {line}\r\n" for line in _lines(utilisation))
@@ -291,10 +300,12 @@ def check_utilisation(part: Part, path: Path) -> ReadBack:
     require_equal(part, "rows", len(expected), len(rows))
     read = np.array([[float(row[HEAD.index("utilisation")]), *map(float, row[len(HEAD) :])] for row in rows])
     if not (np.abs(read - expected) <= READ * np.maximum(np.abs(expected).max(axis=0), 1e-30)).all():
-        raise ExportError(f"the table of {part.name!r} differs when read back; write member_forces.csv instead")
+        raise ExportError(
+            f"the table of {part.name!r} differs when the file is read back; write member_forces.csv instead"
+        )
     return ReadBack(len(rows), "rows")
 
 
 def sentence(part: Part) -> str:
-    """Return a sentence on the member with the largest utilisation."""
+    """Return a sentence about the member with the largest utilisation."""
     return _utilisation(part).summary

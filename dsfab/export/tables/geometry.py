@@ -1,4 +1,4 @@
-"""Lines, members and nodes of a design as CSV and JSON, in millimetres."""
+"""CSV and JSON files of the lines, members and nodes of a design, in millimetres."""
 
 import csv
 import io
@@ -19,7 +19,7 @@ HEAD = ("id", "kind", "family", "number", "part", "closed", "length_mm", "point"
 
 
 def encode_csv(part: Part) -> Iterator[bytes]:
-    """Yield lines as CSV: a row for each point. A closed line repeats its first point."""
+    """Yield a CSV file of the part's lines, with a row for each point. A closed line repeats its first point."""
     yield (",".join(HEAD) + "\r\n").encode()
     for line in part.details.lines:
         text = io.StringIO()
@@ -42,7 +42,7 @@ def check_csv(part: Part, path: Path) -> ReadBack:
 
 
 def encode_json(part: Part) -> Iterator[bytes]:
-    """Yield structure lines as one JSON object, with coordinates rounded to 1e-6 mm."""
+    """Yield a JSON file of the part's lines, with coordinates rounded to 1e-6 mm."""
     head = {
         "name": part.name,
         "program": f"dsfab {__version__}",
@@ -65,7 +65,7 @@ def check_json(part: Part, path: Path) -> ReadBack:
 
 
 def encode_members_json(part: Part) -> Iterator[bytes]:
-    """Yield members and nodes as one JSON object."""
+    """Yield a JSON file of the part's members and nodes."""
     graph = graph_of(part)
     entries = {"members": member_entries(part), "nodes": [node_entry(node) for node in graph.nodes]}
     head = {"name": part.name, "program": f"dsfab {__version__}", "unit": "millimetre", "curvature": "1/m"}
@@ -87,12 +87,13 @@ def check_members_json(part: Part, path: Path) -> ReadBack:
 
 
 def check_ids(part: Part, key: str, names: list[str]) -> None:
-    """Raise ExportError unless the names are those of the part's members or nodes."""
+    """Raise ExportError unless `names` are the names of the part's members or nodes. key : "members" or "nodes"."""
     require_equal(part, key, [item.id for item in getattr(graph_of(part), key)], names)
 
 
 def length_error(part: Part, length_read: float) -> ReadBack:
-    """Return the number of members, and the relative error of their total length `length_read` (mm)."""
+    """Compare the members' total length in a file, `length_read` (mm), with the part.
+    Return the number of members, and the relative error of the length."""
     members = graph_of(part).members
     length_expected = sum(rounded_mm(member.length) for member in members)
     error = length_read / length_expected - 1 if length_expected else float("nan")
@@ -100,12 +101,12 @@ def length_error(part: Part, length_read: float) -> ReadBack:
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield members as CSV rows: lengths in millimetres, curvatures in 1/m."""
+    """Yield a CSV file with a row for each member: lengths in millimetres, curvatures in 1/m."""
     yield from _table([_member_row(entry) for entry in member_entries(part)])
 
 
 def encode_nodes(part: Part) -> Iterator[bytes]:
-    """Yield nodes as CSV rows: lengths in millimetres, angles in degrees."""
+    """Yield a CSV file with a row for each node: lengths in millimetres, angles in degrees."""
     yield from _table([_node_row(node_entry(node)) for node in graph_of(part).nodes], list(_node_row(_NO_NODE)))
 
 

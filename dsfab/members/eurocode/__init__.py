@@ -1,10 +1,10 @@
-"""Check of members by the Eurocodes.
+"""Checks of members by the Eurocodes.
 
-grades   characteristic strengths by material, durations of loads, k_mod
-checks   bays with sections and forces, checks with clauses, utilisation
-steel    EN 1993-1-1 for flats
-timber   EN 1995-1-1 for laths
-rules    the check of a whole structure"""
+grades   characteristic strengths of materials, load durations, k_mod
+checks   bays (parts between nodes) with sections and forces, names of checks, utilisation
+steel    checks of steel flats by EN 1993-1-1
+timber   checks of timber laths by EN 1995-1-1
+rules    check of a whole structure"""
 
 from dsfab.members.eurocode.checks import MemberBays, Utilisation
 from dsfab.members.eurocode.grades import STEEL, TIMBER, Duration, shortest

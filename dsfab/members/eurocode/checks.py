@@ -15,13 +15,13 @@ from dsfab.members.frame import STATIONS, MemberForces, torsion_constant
 
 @dataclass(frozen=True, eq=False)
 class MemberBays:
-    """Bays (b) of members, each with five stations; lengths in metres.
-    member    : (b,) name of the member.    name : (b,) names of the bay's nodes, "N012 N013".
+    """The b bays (parts between nodes) of all members, each with five stations; lengths in metres.
+    member    : (b,) name of the member.    name : (b,) names of the bay's two nodes, "N012 N013".
     s         : (b, 5) arc length along the axis of the member.
     width     : (b, 5) width of the section.    thickness : thickness of all sections.
     length    : (b,) distance between the nodes along the axis.
     curvature : (b, 5) normal curvature of the axis, 1/m.
-    forces    : (b, 5, 6) N, Vy, Vz in N; Mt, My, Mz in Nm; by case.
+    forces    : by load case, (b, 5, 6): N, Vy, Vz in N; Mt, My, Mz in Nm.
 
           z, normal      width along y, thickness along z:
           |  y           My bends the member out of the surface (W = width thickness^2 / 6),
@@ -61,7 +61,7 @@ class MemberBays:
         return cls(member, bay, s, width, thickness, length, curvature, by_case)
 
     def with_cases(self, cases: list[str]) -> "MemberBays":
-        """Return the bays with the forces of these cases only."""
+        """Return the bays with the forces of the given load cases only."""
         return replace(self, forces={case: self.forces[case] for case in cases})
 
 
@@ -89,16 +89,16 @@ class CodeCheck(NamedTuple):
 
 
 CheckRatios = dict[CodeCheck, Floats]
-"""Force divided by resistance, by check: (b, 5) at the stations of b bays, or (b, 1) for whole bays."""
+"""By check, the forces / resistances: (b, 5) at the stations of b bays, or (b, 1) for whole bays."""
 
 
 @dataclass(frozen=True, eq=False)
 class Utilisation:
-    """Forces on bays, divided by their resistances; 1 is the limit. b counts the bays, c the checks.
+    """Utilisation (force / resistance) of b bays (parts of members between nodes) in c checks; 1 is the limit.
     standard  : name of the standard, or the reason for its absence.
-    values    : (b, c) largest value along each bay, by case or combination.
-    station   : (b, c) station of the largest value, 0 to 4, by case; 0 for a value of the whole bay.
-    assumed   : sentences on assumptions.    unchecked : topics without a check.
+    values    : by load case or combination, the largest value (b, c) along each bay.
+    station   : by case, the station (b, c) of the largest value, 0 to 4; 0 for a value of the whole bay.
+    assumed   : sentences about assumptions.    unchecked : topics without a check.
     combined  : True if cases are combinations with partial factors."""
 
     bays: MemberBays
@@ -126,12 +126,12 @@ class Utilisation:
 
     @cached_property
     def worst(self) -> Floats:
-        """Largest utilisation (b, c) over all cases."""
+        """Largest utilisation (b, c) of each bay in each check, over all cases."""
         return np.asarray(self._all.max(axis=1))
 
     @cached_property
     def largest(self) -> Floats:
-        """Largest utilisation (b,) over all checks and cases."""
+        """Largest utilisation (b,) of each bay, over all checks and cases."""
         return np.asarray(self.worst.max(axis=1))
 
     def governing(self, bay: int) -> tuple[CodeCheck, str, int]:
@@ -142,7 +142,7 @@ class Utilisation:
 
     @cached_property
     def order(self) -> Ints:
-        """Numbers of the bays (b,), the most utilised bay first."""
+        """Numbers (b,) of the bays, in the order of falling utilisation."""
         return np.argsort(-self.largest, kind="stable")
 
     @cached_property
@@ -154,7 +154,7 @@ class Utilisation:
         return by_name
 
     def worst_bays(self, count: int) -> list[int]:
-        """Return the worst bay of each of the `count` most utilised members, worst first."""
+        """Return the number of the most utilised bay of each of the `count` most utilised members, the worst first."""
         seen: dict[str, int] = {}
         for bay in self.order.tolist():
             seen.setdefault(self.bays.member[bay], bay)
@@ -162,7 +162,7 @@ class Utilisation:
 
     @property
     def summary(self) -> str:
-        """Sentence on the largest utilisation."""
+        """Text about the largest utilisation."""
         bay = int(self.order[0])
         check, case, _ = self.governing(bay)
         over = [name for name, value in self.by_member.items() if value > 1]
@@ -173,7 +173,7 @@ class Utilisation:
 
 @dataclass(frozen=True, eq=False)
 class Rectangle:
-    """Rectangular sections, `width` along y and `thickness` along z, metres: (b, k), k sections in each of b bays."""
+    """Rectangular sections (b, k), k sections in each of b bays. Width along y, thickness along z, metres."""
 
     width: Floats
     thickness: Floats
@@ -205,18 +205,18 @@ class Rectangle:
 
     @cached_property
     def lying(self) -> Floats:
-        """1 for sections (b, k) that are wider than thick; else 0."""
+        """(b, k): 1 for sections that are at least as wide as thick, else 0."""
         return np.asarray((self.width >= self.thickness).astype(np.float64))
 
     @cached_property
     def weak(self) -> Floats:
-        """Second moments of area about the weak axis (b, k), m4."""
+        """Second moments of area (b, k) about the weak axis, m4."""
         a, t = np.maximum(self.width, self.thickness), np.minimum(self.width, self.thickness)
         return np.asarray(a * t**3 / 12)
 
     @cached_property
     def It(self) -> Floats:  # noqa: N802
-        """St. Venant's torsion constant (b, k), m4."""
+        """St. Venant's torsion constants (b, k), m4."""
         return torsion_constant(self.width, self.thickness)
 
     @cached_property
@@ -227,14 +227,14 @@ class Rectangle:
         return np.asarray(8 * a**3 * r**2 / (3 * (1 + 0.6095 * r + 0.8865 * r**2 - 1.8023 * r**3 + 0.91 * r**4)))
 
     def slimmest(self) -> "Rectangle":
-        """Return the narrowest section (b, 1) of each bay, without the sections at its ends."""
+        """Return the smallest width and thickness (b, 1) of each bay, without the sections at the bay's ends."""
         inner = slice(1, -1) if self.width.shape[1] > 2 else slice(None)
         narrow = (side[:, inner].min(axis=1, keepdims=True) for side in (self.width, self.thickness))
         return Rectangle(*narrow)
 
     def torsional(self, length: Floats, young: float, shear: float) -> Floats:
-        """Return the critical moment (b, k), Nm, of lateral buckling [Timoshenko, Gere 1961, 6.1].
-        length : lengths of bays, metres.    young, shear : moduli, Pa."""
+        """Return the critical moment (b, k), Nm, for lateral torsional buckling [Timoshenko, Gere 1961, 6.1].
+        length : lengths of the bays, metres.    young, shear : Young's modulus and shear modulus, Pa."""
         return np.asarray(np.pi / length * np.sqrt(young * self.weak * shear * self.It))
 
 
@@ -255,12 +255,12 @@ def moment_factor(moment: Floats) -> Floats:
     return np.asarray(np.where(span, by_span, by_ends)[:, None])
 
 
-STRESS = CodeCheck("stress over strength", "no standard: sqrt(s^2 + 3 t^2), s = N/A + My/Wy + Mz/Wz")
+STRESS = CodeCheck("stress over strength", "not from a standard: stress sqrt(s^2 + 3 t^2) with s = N/A + My/Wy + Mz/Wz")
 
 
 def plain_checks(bays: MemberBays, forces: Floats, strength: float, bent: Floats) -> CheckRatios:
-    """Return the largest von Mises stress, divided by a strength (Pa).
-    forces : (b, 5, 6) at five stations of each bay.    bent : (b, 5) stress from bending into shape, Pa."""
+    """Return the largest von Mises stress at each station / `strength` (Pa).
+    forces : (b, 5, 6) as in `MemberBays.forces`.    bent : (b, 5) stress from bending members into shape, Pa."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     N, Vy, Vz, Mt, My, Mz = np.abs(np.moveaxis(forces, -1, 0))
     axial = N / section.area + My / section.Wy + Mz / section.Wz + bent

@@ -10,14 +10,14 @@ MPA = 1e6
 @dataclass(frozen=True)
 class SteelGrade:
     """A steel grade.
-    yields : pairs of largest thickness (m) and yield strength (Pa), thin plates first."""
+    yields : pairs of a largest plate thickness (m) and the yield strength up to it (Pa), thin plates first."""
 
     name: str
     yields: tuple[tuple[float, float], ...]
     source: str
 
     def fy(self, thickness: float) -> float:
-        """Return the yield strength (Pa) at a thickness (m)."""
+        """Return the yield strength (Pa) of a plate with a thickness (m)."""
         return next((value for limit, value in self.yields if thickness <= limit * (1 + 1e-9)), self.yields[-1][1])
 
     def covers(self, thickness: float) -> bool:
@@ -27,11 +27,13 @@ class SteelGrade:
 
 def _steel(name: str, megapascals: tuple[float, ...], product: str) -> SteelGrade:
     yields = zip(PLATES, (x * MPA for x in megapascals), strict=True)
-    return SteelGrade(name, tuple(yields), f"EN 1993-1-1, table 3.1 for plates up to 80 mm; {product} for thicker ones")
+    return SteelGrade(
+        name, tuple(yields), f"EN 1993-1-1, table 3.1 for plates up to 80 mm; {product} for thicker plates"
+    )
 
 
 PLATES = (0.04, 0.08, 0.1, 0.15, 0.2)
-"""Largest thickness (m) for each yield strength. Up to 80 mm, strengths are from EN 1993-1-1, above from EN 10025."""
+"""Largest thickness (m) for each yield strength. Up to 80 mm, EN 1993-1-1 gives the strengths, above EN 10025."""
 STEEL = {
     grade.name: grade
     for grade in (
@@ -41,16 +43,16 @@ STEEL = {
         _steel("S460", (460, 430, 400, 380, 370), "EN 10025-3, table 4"),
     )
 }
-"""Structural steel by name; S460 is S460N."""
+"""Structural steel grades by name. S460 is S460N."""
 
 Product = Literal["solid timber", "glulam", "LVL"]
 
 
 @dataclass(frozen=True)
 class TimberGrade:
-    """Characteristic values along the grain, Pa: bending `fm`, tension `ft`, compression `fc`, shear `fv`.
+    """A timber grade. Strengths along the grain, Pa: bending `fm`, tension `ft`, compression `fc`, shear `fv`.
     ft90     : tension across the grain; 0 if the standard of the product has none.
-    E05, G05 : 5 % quantiles of the moduli.    fm_flat, fv_flat : values for flatwise bending.
+    E05, G05 : 5 % quantiles of the moduli, Pa.    fm_flat, fv_flat : strengths in flatwise bending, Pa.
     size     : exponent s of the size effect of LVL."""
 
     name: str
@@ -93,15 +95,16 @@ TIMBER = {
         TimberGrade(
             *("LVL 48 P", "LVL"),
             *(44 * MPA, 35 * MPA, 29 * MPA, 4.2 * MPA, 11600 * MPA, 400 * MPA, 48 * MPA, 2.3 * MPA, 0.15),
-            "EN 14374, values of the makers' bulletin on strength classes (2019); compression in service class 2",
+            "EN 14374, values from the manufacturers' bulletin on strength classes (2019); compression strength for "
+            "service class 2",
         ),
     )
 }
-"""Timber by name."""
+"""Timber grades by name."""
 
 Duration = Literal["permanent", "long", "medium", "short", "instantaneous"]
 DURATIONS: tuple[Duration, ...] = get_args(Duration)
-"""Load durations, from more than ten years to moments [EN 1995-1-1, table 2.1]."""
+"""Classes of load duration, from longest to shortest [EN 1995-1-1, table 2.1]."""
 
 ServiceClass = Literal[1, 2, 3]
 
@@ -114,10 +117,10 @@ K_MOD: dict[ServiceClass, tuple[float, ...]] = {
 
 
 def k_mod(duration: Duration, service_class: ServiceClass) -> float:
-    """Return the factor on strengths for load duration and moisture [EN 1995-1-1, table 3.1]."""
+    """Return the factor on strengths for a load duration and a service class (moisture) [EN 1995-1-1, table 3.1]."""
     return K_MOD[service_class][DURATIONS.index(duration)]
 
 
 def shortest(durations: Iterable[Duration]) -> Duration:
-    """Return the shortest duration [EN 1995-1-1, 3.1.3 (2)]."""
+    """Return the shortest of the load durations [EN 1995-1-1, 3.1.3 (2)]."""
     return max(durations, key=DURATIONS.index)

@@ -1,4 +1,4 @@
-"""Checks of the bays of members by the standard of the material."""
+"""Checks of members by the Eurocode of their material. A bay is the part of a member between two nodes."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ UNCHECKED = (
     "stability of the whole structure: each bay is checked for buckling as if its nodes could not move",
     "effects of displacements on forces (second order), and imperfections of the surface",
     "slip between layers: dsfab treats each section as solid, as thick as the sheet",
-    "plates and fills, and discs and stubs without a bay between two nodes",
+    "plates, filled openings, and discs and short members without a bay between two nodes",
     "fire, fatigue, brittle fracture, corrosion, and limits of displacements",
 )
 """Topics that dsfab does not check."""
@@ -28,9 +28,9 @@ UNCHECKED = (
 @dataclass(frozen=True)
 class Rules:
     """Rules for checking members.
-    young, shear : moduli, Pa.
-    strength : Pa, for materials without a standard in dsfab.
-    combined : True if cases are combinations with partial factors."""
+    young, shear : elastic moduli, Pa.    strength : Pa, for a material without a standard in dsfab.
+    durations : load duration of each case.    loads : sentence on the loads.
+    combined : True if the cases are load combinations with partial factors."""
 
     material: str
     young: float
@@ -44,8 +44,8 @@ class Rules:
 
 
 def utilisation(bays: MemberBays, rules: Rules) -> Utilisation:
-    """Return force divided by resistance, for all bays and cases.
-    Raises StaticsError without bays, or if the material and the strength are unknown."""
+    """Return the utilisation (force divided by resistance) of each bay of the members, in each load case.
+    Raises StaticsError if there is no bay, or if the material has neither a standard nor a strength."""
     if not bays.member:
         raise StaticsError(
             "no member has a bay between two nodes, so the report checks nothing; see dsfab export --to csv"
@@ -77,7 +77,10 @@ def _method(rules: Rules, thickness: float) -> CheckMethod:
         bent = rules.young * rules.timber.layer * np.abs(bays.curvature) / 2
         return plain_checks(bays, bays.forces[case], rules.strength, bent)
 
-    standard = f"no standard: {what}; stress divided by the preset's strength, {rules.strength / 1e6:g} MPa"
+    standard = (
+        f"no standard applies: {what}; utilisation is the stress divided by the strength in the preset, "
+        f"{rules.strength / 1e6:g} MPa"
+    )
     return check, standard, iter(["The material counts as isotropic, and buckling is not checked."])
 
 
@@ -94,13 +97,20 @@ def _steel_words(grade: SteelGrade, factors: SteelFactors, thickness: float) -> 
     yield f"Strengths: {grade.source}, plates of {length(thickness)}."
     if not grade.covers(thickness):
         limit = length(grade.yields[-1][0])
-        yield f"The table of strengths ends at {limit}; plates of {length(thickness)} get its last, too high value."
+        (
+            yield f"The table of strengths ends at {limit}; plates of {length(thickness)} get the last value of the "
+            f"table, which is too high."
+        )
     yield f"Partial factors: gamma_M0 = {factors.gamma_m0:g}, gamma_M1 = {factors.gamma_m1:g} (6.1)."
     yield (
-        f"Buckling: {factors.buckling_length:g} times the distance between nodes for both axes, curve {factors.curve} "
-        "(table 6.2: solid sections); lateral torsional buckling: curve d (table 6.4), constant moment."
+        f"Buckling length: {factors.buckling_length:g} times the distance between nodes for both axes, buckling curve "
+        f"{factors.curve} (table 6.2: solid sections). Lateral torsional buckling: curve d (table 6.4), constant "
+        f"moment."
     )
-    yield "Resistances: plastic for sections without holes (6.2.9); elastic for members (6.3.3, table B.2: class 3)."
+    (
+        yield "Resistances: plastic for cross-sections without holes (6.2.9); elastic for the stability of members "
+        "(6.3.3, table B.2: class 3)."
+    )
 
 
 def _timber_method(grade: TimberGrade, rules: Rules) -> CheckMethod:
@@ -118,15 +128,24 @@ def _timber_words(grade: TimberGrade, rules: Rules) -> Iterator[str]:
     times = sorted({(k_mod(d, factors.service_class), d) for d in rules.durations.values()})
     listed = ", ".join(f"{value:g} ({name})" for value, name in times)
     yield f"k_mod in service class {factors.service_class} for the shortest load in each case: {listed} (table 3.1)."
-    yield f"Buckling about both axes: length = {factors.buckling_length:g} times the distance of nodes (6.3.2, 6.3.3)."
-    yield "The grain follows the axis; members whose grain has an angle to it (6.2.2) are not checked."
+    (
+        yield f"Buckling length about both axes: {factors.buckling_length:g} times the distance between nodes (6.3.2, "
+        f"6.3.3)."
+    )
+    yield "The grain follows the axis of the member; stress at an angle to the grain (6.2.2) is not checked."
     if not grade.ft90:
-        yield "Tension across the grain of curved members (6.4.3) is not checked: the product has no such strength."
-    yield "Size factors above 1 (3.2, 3.3) are not used. Shear includes k_cr (6.1.7). Torsion: own check (6.1.8)."
+        (
+            yield "Tension across the grain of curved members (6.4.3) is not checked: no such strength is declared "
+            "for the product."
+        )
+    (
+        yield "Size factors above 1 (3.2, 3.3) are not used. Shear includes k_cr (6.1.7). Torsion is checked "
+        "separately (6.1.8)."
+    )
     if factors.layer:
         yield (
-            f"Straight layers of {length(factors.layer)} are bent into shape: their stress E t kn / 2 adds to the "
-            "bending stress and does not relax; dsfab also checks this stress alone, as a permanent stress."
+            f"Straight layers of {length(factors.layer)} are bent into shape: the stress E t kn / 2 from this adds to "
+            f"the bending stress and does not relax. dsfab also checks this stress alone, as a permanent stress."
         )
     else:
         yield "Members are made in their final shape; if they are bent into shape, set eurocode.bent_in."

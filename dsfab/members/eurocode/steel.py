@@ -1,4 +1,4 @@
-"""EN 1993-1-1:2005, 6.2 and 6.3, for flats: rectangles of structural steel."""
+"""Checks of flat bars (rectangular sections) of structural steel [EN 1993-1-1:2005, 6.2 and 6.3]."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -14,7 +14,7 @@ Curve = Literal["a0", "a", "b", "c", "d"]
 ALPHA: dict[Curve, float] = {"a0": 0.13, "a": 0.21, "b": 0.34, "c": 0.49, "d": 0.76}
 """Imperfection factors of buckling curves [EN 1993-1-1, table 6.1]."""
 SIDEWAYS: Curve = "d"
-"""Curve of lateral torsional buckling for sections that are not I-shaped [EN 1993-1-1, table 6.4]."""
+"""Buckling curve for lateral torsional buckling of sections that are not I-shaped [EN 1993-1-1, table 6.4]."""
 
 TENSION = CodeCheck("tension", f"{STANDARD} 6.2.3 (6.5)")
 COMPRESSION = CodeCheck("compression", f"{STANDARD} 6.2.4 (6.9)")
@@ -28,9 +28,9 @@ BOTH = CodeCheck("buckling and bending", f"{STANDARD} 6.3.3 (6.61), (6.62)")
 
 @dataclass(frozen=True)
 class SteelFactors:
-    """Factors of steel checks.
-    curve    : curve of flexural buckling [EN 1993-1-1, table 6.2].
-    gamma_m0 : partial factor of sections.    gamma_m1 : partial factor of members [6.1].
+    """Factors in the checks of steel members.
+    curve    : buckling curve for flexural buckling [EN 1993-1-1, table 6.2].
+    gamma_m0 : partial factor for sections.    gamma_m1 : partial factor for members that may buckle [6.1].
     buckling_length : buckling length / distance between nodes."""
 
     curve: Curve = "c"
@@ -42,7 +42,8 @@ class SteelFactors:
 def steel_checks(
     bays: MemberBays, forces: Floats, grade: SteelGrade, elastic: tuple[float, float], factors: SteelFactors
 ) -> CheckRatios:
-    """Return force / resistance by check, for bays under forces (b, 5, 6). elastic : E, G, Pa."""
+    """Return force / resistance of b bays for each check. elastic : Young's modulus and shear modulus, Pa.
+    forces : (b, 5, 6) N, Vy, Vz in N, and Mt, My, Mz in Nm, at five points of each bay."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     fy = grade.fy(bays.thickness)
     ratios = section_checks(section, forces, fy / factors.gamma_m0)
@@ -51,12 +52,12 @@ def steel_checks(
 
 
 def section_checks(section: Rectangle, forces: Floats, fd: float) -> CheckRatios:
-    """Return force / resistance of sections (b, 5) under forces (b, 5, 6) [EN 1993-1-1, 6.2.8, 6.2.10, (6.32), (6.41)].
-    fd : f_y / gamma_M0, Pa."""
+    """Return force / resistance of sections (b, 5), for each check [EN 1993-1-1, 6.2.8, 6.2.10, (6.32), (6.41)].
+    forces : (b, 5, 6) N, Vy, Vz in N, and Mt, My, Mz in Nm.    fd : design yield strength f_y / gamma_M0, Pa."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     V, torsion = np.hypot(Vy, Vz) / section.area, np.abs(Mt) / section.Wt
     tau = fd / np.sqrt(3)
-    nearly = 0.95  # limit of V / shear resistance in `plastic` and `rho`; at larger V, the shear check governs
+    nearly = 0.95  # `plastic` and `rho` limit V / shear resistance to this; above, the shear check governs
     plastic = V / tau / np.maximum(1 - torsion / tau, V / tau / nearly + 1e-12)
     rho = np.where(plastic > 0.5, (2 * np.minimum(plastic, nearly) - 1) ** 2, 0.0)
     n, strength_share = N / (section.area * fd), 1 - rho
@@ -79,7 +80,8 @@ def reduction(slenderness: Floats, curve: Curve) -> Floats:
 def member_checks(
     section: Rectangle, forces: Floats, length: Floats, material: tuple[float, float, float], factors: SteelFactors
 ) -> CheckRatios:
-    """Return force / resistance (b, 1) in buckling. length : (b, 1) buckling lengths, m. material : f_y, E, G, Pa."""
+    """Return force / resistance (b, 1) of b bays in buckling, for each check. length : (b, 1) buckling lengths, m.
+    forces : (b, 5, 6) N, Vy, Vz in N, and Mt, My, Mz in Nm.    material : f_y, Young's and shear modulus, Pa."""
     fy, young, shear = material
     slim = section.slimmest()
     N = np.maximum(-forces[:, :, 0], 0.0).max(axis=1, keepdims=True)

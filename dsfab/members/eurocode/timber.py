@@ -1,4 +1,4 @@
-"""Checks of laths, rectangles of timber along the grain [EN 1995-1-1:2004 with A1 and A2, 6.1 to 6.3]."""
+"""Checks of timber laths: rectangular sections, with the grain along the lath [EN 1995-1-1, A1 and A2, 6.1 to 6.3]."""
 
 from dataclasses import dataclass
 
@@ -12,9 +12,9 @@ STANDARD = "EN 1995-1-1"
 GAMMA: dict[Product, float] = {"solid timber": 1.3, "glulam": 1.25, "LVL": 1.2}
 """Partial factors [EN 1995-1-1, table 2.3]."""
 K_CR: dict[Product, float] = {"solid timber": 0.67, "glulam": 0.67, "LVL": 1.0}
-"""Factor on the width for shear, because of cracks [EN 1995-1-1, 6.1.7 (2)]."""
+"""Factor k_cr on the width of a section in shear, which allows for cracks [EN 1995-1-1, 6.1.7 (2)]."""
 BETA: dict[Product, float] = {"solid timber": 0.2, "glulam": 0.1, "LVL": 0.1}
-"""Imperfection factors of members [EN 1995-1-1, (6.29)]."""
+"""Imperfection factors beta_c of members in compression [EN 1995-1-1, (6.29)]."""
 K_M = 0.7  # Factor for biaxial bending of rectangles [EN 1995-1-1, 6.1.6 (2)].
 STRAIGHT = 0.3  # Largest relative slenderness without buckling [EN 1995-1-1, 6.3.2 (2)].
 LVL_HEIGHT, LVL_LENGTH = 0.3, 3.0  # Height and length (m) above which the strength of LVL decreases [EN 1995-1-1, 3.4].
@@ -38,11 +38,11 @@ BEAM = CodeCheck("stability as a beam", f"{STANDARD} 6.3.3 (6.33), (6.35)")
 
 @dataclass(frozen=True)
 class TimberFactors:
-    """Factors of timber checks.
+    """Factors in the checks of timber members.
     service_class : 1 heated, 2 under a roof, 3 in the open.
     gamma_m       : partial factor; None for the factor of table 2.3.
     buckling_length : buckling length divided by the distance between nodes.
-    layer         : thickness (m) of bent layers; 0 for members made in their shape."""
+    layer         : thickness (m) of layers that are bent into shape; 0 for members made in their final shape."""
 
     service_class: ServiceClass = 2
     gamma_m: float | None = None
@@ -53,8 +53,8 @@ class TimberFactors:
 def timber_checks(
     bays: MemberBays, forces: Floats, grade: TimberGrade, elastic: float, duration: Duration, factors: TimberFactors
 ) -> CheckRatios:
-    """Return force / resistance by check. forces : (b, 5, 6), six section forces at five sections of each bay.
-    elastic : Young's modulus, Pa."""
+    """Return force / resistance of b bays for each check. elastic : Young's modulus, Pa.
+    forces : (b, 5, 6) N, Vy, Vz in N, and Mt, My, Mz in Nm, at five points of each bay."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     over = (factors.gamma_m or GAMMA[grade.product]) / k_mod(duration, factors.service_class)
     bent = elastic * factors.layer * np.abs(bays.curvature) / 2
@@ -72,9 +72,9 @@ def timber_checks(
 
 
 def across_grain(bays: MemberBays, moment: Floats, over: float, grade: TimberGrade) -> Floats:
-    """Return stress / strength across the grain at five stations of each bay (b, 5): 0 where the moment closes the arc.
-    moment : (b, 5) My, Nm. It opens the arc where it stretches the side of the centre of curvature: My kn > 0.
-    The volume of a bay counts as the curved volume. over : gamma_M / k_mod.
+    """Return tensile stress / strength (b, 5) across the grain, at five points of each of b curved bays.
+    moment : (b, 5) My, Nm. Tension across the grain needs a moment that reduces the curvature kn: My kn > 0.
+    Other moments give 0. The volume of the whole bay counts as the curved volume.    over : gamma_M / k_mod.
     Source: EN 1995-1-1, 6.4.3, for beams of constant height."""
     area = bays.width * bays.thickness
     stress = K_P * np.maximum(moment * bays.curvature, 0.0) / area
@@ -87,7 +87,8 @@ def across_grain(bays: MemberBays, moment: Floats, over: float, grade: TimberGra
 
 @dataclass(frozen=True, eq=False)
 class Stresses:
-    """Stresses (b, 5), Pa: axial, tension positive; bending out of the surface and in it; shear along y, z; torsion."""
+    """Stresses at five points of each of b bays (b, 5), Pa. axial : positive in tension.    torsion : shear stress.
+    my, mz : bending stress out of the surface, and in the surface.    vy, vz : shear stress along y and z."""
 
     axial: Floats
     my: Floats
@@ -98,7 +99,8 @@ class Stresses:
 
 
 def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrade) -> Stresses:
-    """Return the stresses under forces (b, 5, 6). bent : (b, 5) initial bending stress, Pa."""
+    """Return the stresses from the section forces (b, 5, 6): N, Vy, Vz in N, and Mt, My, Mz in Nm.
+    bent : (b, 5) stress from the bending of layers into shape, Pa."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     shear_area = K_CR[grade.product] * section.area
     return Stresses(
@@ -119,8 +121,8 @@ def _bending(section: Rectangle, stress: Stresses, grade: TimberGrade) -> tuple[
 def section_checks(
     section: Rectangle, stress: Stresses, over: float, lengthy: Floats, grade: TimberGrade
 ) -> CheckRatios:
-    """Return force / resistance at 5 sections of each of b bays. over : gamma_M / k_mod.
-    lengthy : (b, 1) factor on tension in long LVL [3.4]."""
+    """Return stress / strength at five points of each of b bays, for each check. over : gamma_M / k_mod.
+    lengthy : (b, 1) factor on the tensile stress in long parts of LVL [3.4]."""
     y, z = (over * ratio for ratio in _bending(section, stress, grade))
     bent = np.maximum(y + K_M * z, K_M * y + z)
     tension = over * lengthy * np.maximum(stress.axial, 0.0) / grade.ft
@@ -152,8 +154,8 @@ def beam_factor(slenderness: Floats) -> Floats:
 
 
 def stability_checks(slim: Rectangle, stress: Stresses, over: float, length: Floats, grade: TimberGrade) -> CheckRatios:
-    """Return force / resistance of b bays in buckling. slim : narrowest section of each bay. over : gamma_M / k_mod.
-    length : (b, 1) buckling lengths, metres."""
+    """Return stress / strength (b, 1) of b bays in buckling, for each check. over : gamma_M / k_mod.
+    slim : narrowest section of each bay.    length : (b, 1) buckling lengths, metres."""
     pressed = over * np.maximum(-stress.axial, 0.0).max(axis=1, keepdims=True) / grade.fc
     largest = Stresses(*(np.max(value, axis=1, keepdims=True) for value in vars(stress).values()))
     y, z = (over * value for value in _bending(slim, largest, grade))

@@ -1,10 +1,10 @@
 """The beam model of a structure: its members as beams between nodes.
 
-joints   nodes where members meet and end, and at the centres of discs
-beams    straight pieces, loads and supports on nodes
-build    the whole model
-model    `Frame`, its solution, comparison with the sheet
-forces   member forces from the section forces of the sheet"""
+joints   nodes where members meet or end, and at the centres of discs
+beams    members divided into straight beams; loads and supports at the nodes of the beams
+build    construction of the whole model
+model    `Frame`, the solution of a frame, comparison with the shell model (sheet)
+forces   section forces of members, summed from the shell model"""
 
 from dsfab.members.frame.build import frame_of
 from dsfab.members.frame.forces import (

@@ -19,9 +19,10 @@ SHORT = 1e-3  # Least distance between two nodes of a member, as a fraction of i
 
 class BeamRow(NamedTuple):
     """A straight beam.
-    ends  : numbers of the two nodes.    normal : local z axis.    width : m.    member : number, -1 for a link.
-    shift : metres from the beam to the material's middle, positive to the left.
-    stout : width / length of the bay (part between nodes), at most 1; 0 for a link."""
+    ends   : numbers of the two nodes.    normal : (3,) local z axis.    width : m.
+    shift  : distance (m) from the beam's axis to the middle of the material's width, positive to the left.
+    member : number of the member; -1 for a link, which only joins two nodes.
+    stout  : width / length of the bay (part between nodes), at most 1; 0 for a link."""
 
     ends: tuple[int, int]
     normal: Floats
@@ -33,7 +34,7 @@ class BeamRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """Beams as arrays with a row for each beam; values as in `BeamRow`."""
+    """Beams as arrays with a row for each beam. The fields have the same meaning as in `BeamRow`."""
 
     ends: Ints
     normal: Floats
@@ -50,13 +51,13 @@ class Beams:
         return cls(ends, normal, width, shift, np.array([row.member for row in rows], dtype=np.int64), stout)
 
     def subset(self, chosen: Ints, ends: Ints) -> "Beams":
-        """Return the chosen beams (k,), with new node numbers `ends` (b, 2)."""
+        """Return the beams with the numbers `chosen` (k,). ends : (b, 2) new node numbers of all beams."""
         shape = self.normal[chosen], self.width[chosen], self.shift[chosen]
         return Beams(ends[chosen], *shape, self.member[chosen], self.stout[chosen])
 
     def and_links(self, ends: Ints, normal: Floats, width: Floats) -> "Beams":
-        """Return these beams and k links between nodes `ends` (k, 2).
-        width : (k,), m.    normal : (k, 3) local z."""
+        """Return these beams and k links. A link is a beam that only joins two nodes, `ends` (k, 2).
+        width : (k,) widths of the links, m.    normal : (k, 3) local z axes of the links."""
         none = np.zeros(len(ends))
         return Beams(
             np.concatenate([self.ends, ends]),
@@ -69,7 +70,7 @@ class Beams:
 
 
 def beams_along(joints: AxisJoints) -> Beams:
-    """Return beams along all members' axes, and links. New nodes are added to `joints`."""
+    """Return beams along the axes of all members, and links between nodes. Adds new nodes to `joints`."""
     rows = list[BeamRow]()
     for number, member in enumerate(joints.members_with_axis):
         for begin, end in pairwise(_stations(joints, member)):
@@ -126,7 +127,8 @@ def _sides(member: Member) -> Floats:
 def _divide_bay(
     member: Member, span: tuple[float, float], joint_widths: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
-    """Return the ends (k + 1,) of k beams in a bay, and added widths (k,), m."""
+    """Divide a bay into k beams. Return arc lengths (k + 1,), m, of the ends, and widths (k,), m, to add to the beams.
+    span : ends of the bay, m.    joint_widths : widths of the crossing members, m.    least : smallest k."""
     (s, t), axis = span, member.curve
     half = fitting(np.array(joint_widths) / 2, t - s)
     half[half < 0.05 * member.mean_width] = 0.0  # leave out joints with a smaller half length
@@ -135,12 +137,12 @@ def _divide_bay(
         fine, clear = fine % member.length, clear % member.length
     bent = np.interp(fine, axis.s, np.hypot(axis.kg, axis.kn)).mean() * (t - s)
     width = np.interp(clear, axis.s, member.width)
-    # largest bend 5 degrees, largest taper 1.25, but no beams shorter than half their width
+    # a beam bends by at most 5 degrees and tapers by at most 1.25, unless it would be shorter than half its width
     parts = max(np.degrees(bent) / 5.0, np.log(width.max() / width.min()) / np.log(1.25))
     count = max(least, min(int(np.ceil(parts)), int((t - s) / (0.5 * member.mean_width))))
     cuts = np.linspace(s + half[0], t - half[1], count + 1)
     spread = np.zeros(count)
-    into = 0.5  # width added to a beam / width of the crossing member, because forces spread at 45 degrees
+    into = 0.5  # in a joint, a beam is wider by 0.5 x the crossing member's width: forces spread at 45 degrees
     if half[0]:
         cuts, spread = np.concatenate([[s], cuts]), np.concatenate([[into * joint_widths[0]], spread])
     if half[1]:
@@ -150,8 +152,8 @@ def _divide_bay(
 
 @dataclass(frozen=True, eq=False)
 class BeamPlaces:
-    """For q places, the nearest beam.
-    beam : (q,) number.    along : (q,) position, 0 to 1.    foot : (q, 3) nearest point on the beam."""
+    """The nearest beam to each of q places.    beam : (q,) number of the beam.
+    along : (q,) position along the beam, 0 at the first node, 1 at the second.    foot : (q, 3) nearest point."""
 
     beam: Ints
     along: Floats
@@ -159,10 +161,9 @@ class BeamPlaces:
 
 
 def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
-    """Return the beam nearest to each place (q, 3).
-    points : (n, 3) nodes."""
+    """Return the beam nearest to each place (q, 3). points : (n, 3) nodes of the beams, metres."""
     a, b = points[beams.ends[:, 0]], points[beams.ends[:, 1]]
-    count = 9  # samples along each beam; beams with a place's six nearest samples are candidates for the nearest beam
+    count = 9  # samples along each beam; the search tests only the beams of the six nearest samples
     samples = (a[:, None] + np.linspace(0, 1, count)[:, None] * (b - a)[:, None]).reshape(-1, 3)
     candidates = cKDTree(samples).query(places, k=min(6, len(samples)))[1].reshape(len(places), -1) // count
     direction = b - a
@@ -178,7 +179,8 @@ def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
 
 
 def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, beams: Beams) -> Floats:
-    """Return forces and moments (n, 6), N and Nm, at nodes, from forces on vertices V (v, 3)."""
+    """Return forces (N) and moments (Nm) at nodes, (n, 6), equivalent to a load on the sheet's vertices V (v, 3).
+    places : nearest beam to each vertex.    points : (n, 3) nodes, metres."""
     loads = np.zeros((len(points), 6))
     ends, moment = beams.ends[places.beam], np.cross(V - places.foot, load.force)
     for side, share in ((0, 1 - places.along), (1, places.along)):
@@ -191,8 +193,8 @@ def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, b
 class NodeSupports:
     """Supports at nodes of a frame; h counts the supports.
     node   : (h,) nearest node.    place : (h, 3) centre of the support, metres.
-    apart  : (h,) True if a link must join node and place.    width : (h,) width of this link, metres.
-    fixed  : (h, 6) True for a fixed translation or rotation.    spring : (h, 6) N/m."""
+    apart  : (h,) True if a link (an added beam) must join node and centre.    width : (h,) width of the link, metres.
+    fixed  : (h, 6) True for a fixed translation or rotation.    spring : (h, 6) stiffness of springs, N/m."""
 
     node: Ints
     place: Floats
@@ -203,8 +205,8 @@ class NodeSupports:
 
 
 def supports_at_nodes(load: LoadCase, surface: Surface, points: Floats, beams: Beams) -> NodeSupports:
-    """Return the supports of a sheet, at the nearest nodes of beams.
-    points : (n, 3) nodes."""
+    """Return the supports of a sheet (shell model), transferred to the nearest nodes of the beams.
+    points : (n, 3) nodes, metres."""
     V, clamped = surface.V, _clamped_vertices(surface, load)
     vertices = np.flatnonzero(load.supported | clamped)
     places = nearest_beams(V[vertices], points, beams)
@@ -222,10 +224,10 @@ def supports_at_nodes(load: LoadCase, surface: Surface, points: Floats, beams: B
     np.maximum.at(least, group, _blocks(load, surface)[vertices])
     turned = np.zeros(len(which), dtype=bool)
     np.logical_or.at(turned, group, clamped[vertices])
-    block = least > 0.2 * around  # a fixed area wider than 0.2 x the width of the node's beams prevents rotation
+    block = least > 0.2 * around  # a support wider than 0.2 x the width of the node's beams prevents rotation
     still = turned | (block & fixed[:, :3].all(axis=1))
     fixed[:, 3:] |= still[:, None]
-    apart = np.linalg.norm(place - points[which], axis=1) > 0.02 * around  # supports farther from the node need a link
+    apart = np.linalg.norm(place - points[which], axis=1) > 0.02 * around  # supports away from the node need links
     return NodeSupports(which, place, apart & ~block, fixed, spring, np.maximum(reach, 0.25 * around))
 
 
@@ -249,7 +251,7 @@ def _blocks(load: LoadCase, surface: Surface) -> Floats:
 
 
 def _reach(V: Floats, group: Ints) -> Floats:
-    """Return length and width (h, 2), m, of groups of points."""
+    """Return length and width (h, 2), m, of h groups of points V (v, 3). group : (v,) number of each point's group."""
     count = np.bincount(group)
     offset = V - (group_sums(group, V, len(count)) / count[:, None])[group]
     spread = np.zeros((len(count), 3, 3))
@@ -258,8 +260,8 @@ def _reach(V: Floats, group: Ints) -> Floats:
 
 
 def fixed_in_plane(fixed: Bools, axis: int) -> Bools:
-    """Return supports `fixed` (n, 6) that also keep a plane frame in the plane.
-    axis : 0 to 2, normal to the plane."""
+    """Return the mask `fixed` (n, 6) with added supports, which prevent movement of a plane frame out of its plane.
+    axis : number of the coordinate axis normal to the plane, 0 to 2."""
     still = fixed.copy()
     still[:, axis] = True
     still[:, [3 + k for k in range(3) if k != axis]] = True

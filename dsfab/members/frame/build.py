@@ -33,11 +33,14 @@ def frame_of(
     thickness: float,
     material: BeamMaterial,
 ) -> Frame:
-    """Return the beam model of a cut sheet. surface : the sheet with the loaded vertices.
-    loads : by case, on equal supports.    combinations : factors of cases, by name.    thickness : metres.
+    """Return the beam model of a cut sheet. surface : the sheet; the loads act on the vertices of the sheet.
+    loads : loads and supports of each case; all cases have equal supports.    thickness : of the sheet, metres.
+    combinations : factors of the cases, by name of the load combination.
     Raises StaticsError if no member has an axis, or if a part of the structure has no support."""
     if not any(member.axis for member in graph.members):
-        raise StaticsError("no member of the structure has an axis, so a beam model is impossible; use the sheet")
+        raise StaticsError(
+            "no member of the structure has an axis, so dsfab cannot make a beam model; use the model of the sheet"
+        )
     joints = joints_at_nodes(graph)
     join_ends(joints)
     add_hubs(joints)
@@ -59,7 +62,7 @@ def frame_of(
 
 
 def distinct_names(names: list[str]) -> tuple[str, ...]:
-    """Return the names, with a number after each repeated name."""
+    """Return the names without duplicates: the second "a" becomes "a (2)"."""
     seen: dict[str, int] = {}
     unique = []
     for name in names:
@@ -116,7 +119,7 @@ def _with_supports(
 
 
 def _local_z(points: Floats, beams: Beams) -> Floats:
-    """Return unit vectors (b, 3) at right angles to the beams, near the surface normal."""
+    """Return the local z axes (b, 3): unit vectors perpendicular to the beams, as near as possible to the normals."""
     x = points[beams.ends[:, 1]] - points[beams.ends[:, 0]]
     x /= np.linalg.norm(x, axis=1)[:, None]
     axis = np.eye(3)[np.abs(x).argmin(axis=1)]

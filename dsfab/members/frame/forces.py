@@ -1,4 +1,4 @@
-"""Member forces: section forces of the sheet, summed across each member."""
+"""Section forces of members: the internal forces of the shell model (sheet), summed over cuts across each member."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,19 +16,19 @@ from dsfab.surface import Surface
 
 PLANES = 4
 """Number of planes that cut a member near each station (point of its axis), all within one edge length of the mesh.
-Forces are constant on each face, so only means over several faces are in equilibrium. Results are means over planes."""
+The forces are constant on each face of the mesh. Means over several planes are closer to equilibrium."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sections:
-    """Lines in which planes across a member's axis cut the faces. A station is a point of the axis.
-    station : (c,) number of the station.    face : (c,) face.
-    length  : (c,) metres, divided by the number of planes at a station.
-    arm     : (c, 2, 3) vectors (m) from the axis to the ends of the line.
-    weight  : (c, 2, 3) barycentric weights of the ends of the line in the face.
-    across  : (c, 3) unit vectors in the face, perpendicular to the line, in the direction of the axis.
-    end_station, end_face, end_across : (e,) `station`, `face` and `across` of each line end on a free edge.
-    end_arm, end_weight : (e, 3) like `arm`, `weight`.    end_out : (e, 3) unit vectors along the line, outwards."""
+    """Intersection lines of faces with planes across a member's axis, near stations (points of the axis).
+    station : (c,) number of the line's station.    face : (c,) number of the line's face.
+    length  : (c,) length of the line, metres, divided by the number of planes at a station.
+    arm     : (c, 2, 3) vectors (m) from the axis to the two ends of the line.
+    weight  : (c, 2, 3) barycentric coordinates of the two ends of the line.
+    across  : (c, 3) unit vectors in the face, perpendicular to the line, towards larger arc length.
+    end_station, end_face, end_arm, end_weight, end_across : the same values for each of e line ends on a free edge.
+    end_out : (e, 3) unit vectors along the line, from the face outwards."""
 
     station: Ints
     face: Ints
@@ -45,7 +45,8 @@ class Sections:
 
 
 def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) -> Sections:
-    """Return the lines in which planes at arc lengths (k,), m, of an axis cut cells (c,)."""
+    """Return the intersection lines of cells (c,) with planes across a member's axis.
+    cells : numbers of faces of the surface.    stations : (k,) arc lengths of points on the axis, m."""
     offsets = surface.mean_edge * ((np.arange(PLANES) + 0.5) / PLANES - 0.5)
     lengths = (stations[:, None] + offsets).ravel()
     P = axis.frames_at(lengths % axis.length if axis.closed else np.clip(lengths, 0, axis.length))[0]
@@ -83,7 +84,8 @@ def _cut_cells(s: Floats, lengths: Floats, period: float) -> tuple[Ints, Ints]:
 
 
 def _line(level: Floats) -> tuple[Floats, Ints]:
-    """Return the ends of the line `level` = 0 in triangles: barycentric weights (c, 2, 3), sides (c, 2)."""
+    """Return the barycentric coordinates (c, 2, 3) of the two ends of the line `level` = 0 in each of c triangles.
+    Also return the triangle edges (c, 2) that contain these ends, 0 to 2.    level : (c, 3) values at the corners."""
     ahead = np.roll(level, -1, axis=1)
     crossed = (level > 0) != (ahead > 0)
     order = np.argsort(~crossed, axis=1, kind="stable")[:, :2]
@@ -122,16 +124,17 @@ def _edge_number(surface: Surface, face: Ints, begins: Ints) -> Ints:
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # Stations of a bay, as fractions of its clear length between joints.
 STATIONS = len(SHARES)  # Number of stations (points with forces) of each bay.
 COMPONENTS = ("N", "Vy", "Vz", "Mt", "My", "Mz")
-"""Section forces on a section with outward normal x: x along the axis, y to the left, z along the surface normal."""
+"""Names of the section forces. The section's normal x lies along the axis; y points left, z along surface normals."""
 
 
 @dataclass(frozen=True, eq=False)
 class MemberForces:
-    """Forces of a member at k stations of its axis.
-    s, width : (k,) distance along the axis, and width of the section, metres.
+    """Section forces of a member at k stations (points of the axis).
+    s, width : (k,) arc length along the axis, and width of the section, metres.
     bay      : (k,) names of the bay's nodes, "N012 N013".
     forces   : by case and combination, (k, 6): N, Vy, Vz in newtons, and Mt (about the axis), My, Mz in newton
-               metres. Positive N is tension, positive My stretches the normal's side, positive Mz the right side."""
+               metres. Positive N is tension. Positive My causes tension on the side of the surface normal, and positive
+               Mz on the right side."""
 
     member: str
     s: Floats
@@ -153,8 +156,8 @@ class MemberForces:
 
 @dataclass(frozen=True, eq=False)
 class MemberCuts:
-    """Cuts across a member at stations of its axis.
-    axes : (k, 3, 3) unit vectors x, y, z of `COMPONENTS`."""
+    """Cuts across a member at k stations (points of the axis).
+    axes : (k, 3, 3) unit vectors in rows: x along the axis, y to the left, z along the surface normal."""
 
     s: Floats
     bay: tuple[str, ...]
@@ -164,7 +167,7 @@ class MemberCuts:
 
     @classmethod
     def from_member(cls, graph: MemberGraph, member: Member, s: Floats, bay: tuple[str, ...]) -> Self:
-        """Cut a member at arc lengths s (k,), m. bay : name of the bay at each arc length."""
+        """Cut a member at arc lengths s (k,), m. bay : (k,) name of the bay (part between nodes) at each arc length."""
         axis = member.curve
         cut = sections(graph.sheet.surface, member.cells, axis, s)
         _, T, N = axis.frames_at(s % axis.length if axis.closed else s)
@@ -173,7 +176,7 @@ class MemberCuts:
 
 
 def member_cuts(graph: MemberGraph) -> dict[str, MemberCuts]:
-    """Return cuts by member, for members with an axis and a bay (part between two nodes)."""
+    """Return the cuts of each member that has an axis and a bay (part between two nodes), by name of the member."""
     stations = {member.id: _stations(graph, member) for member in graph.members}
     return {
         name: MemberCuts.from_member(graph, graph.by_id[name], *station)
@@ -188,9 +191,9 @@ def member_forces(
     cuts: Mapping[str, MemberCuts] | None = None,
     combinations: Mapping[str, Mapping[str, float]] | None = None,
 ) -> dict[str, MemberForces]:
-    """Return forces by member, for members with an axis and two nodes or more.
-    forces       : section forces of the sheet, by case.    cuts : `member_cuts` of the graph, if known.
-    combinations : factor of each case, by name of the combination."""
+    """Return the section forces of each member that has an axis and two nodes or more, by name of the member.
+    forces       : section forces of the sheet (shell model), by case.    cuts : `member_cuts(graph)`, if known.
+    combinations : factor of each case, by name of the load combination."""
     by_member = {}
     for name, cut in (member_cuts(graph) if cuts is None else cuts).items():
         part = forces_in(graph, name, cut, forces)
@@ -202,10 +205,10 @@ def member_forces(
 
 
 def with_balanced_shear(forces: Floats, cut: MemberCuts) -> Floats:
-    """Return forces (k, 6) with a shear force Vz that agrees with the change of moments in each bay: T x dM/ds.
-    Up to a width from joints, sums of the sheet's shear can be far off. A bay up to two widths long gets the mean slope
-    of its moments, if that agrees better. In a longer bay, the first and the last station get the Vz of the next
-    station, if that agrees better."""
+    """Return forces (k, 6) with a corrected shear force Vz. Equilibrium with the moments M needs Vz = N . (T x dM/ds),
+    for the tangent T and the normal N. Near joints, the sheet's Vz can be far from equilibrium. In a bay up to two
+    widths long, the mean of N . (T x dM/ds) replaces Vz. In a longer bay, the Vz of the neighbouring station replaces
+    the first and the last Vz. Each replacement is made only if it reduces the error of equilibrium."""
     s, width, shear = (values.reshape(-1, STATIONS) for values in (cut.s, cut.width, forces[:, 2]))
     axes = cut.axes.reshape(-1, STATIONS, 3, 3)
     moments = np.einsum("bkai,bka->bki", axes, forces[:, 3:].reshape(-1, STATIONS, 3))
@@ -226,7 +229,7 @@ def with_balanced_shear(forces: Floats, cut: MemberCuts) -> Floats:
 
 
 def forces_in(graph: MemberGraph, name: str, cut: MemberCuts, forces: Mapping[str, SectionForces]) -> MemberForces:
-    """Return the forces of a member at its cuts. forces : section forces by case."""
+    """Return the section forces of the member `name` at its cuts. forces : section forces of the sheet, by case."""
     normals = graph.sheet.surface.normals
     sums = {case: _force_sums(cut.sections, cut.axes, parts, graph, normals) for case, parts in forces.items()}
     return MemberForces(name, cut.s, cut.bay, cut.width, sums)
@@ -283,7 +286,7 @@ def _stations(graph: MemberGraph, member: Member) -> tuple[Floats, tuple[str, ..
 
 
 def _incomplete_cuts(graph: MemberGraph, member: Member) -> Floats:
-    """Return intervals (k, 2) of arc length, m, in which cuts miss material."""
+    """Return intervals (k, 2) of arc length, m, in which other material adjoins the member and cuts are incomplete."""
     surface, axis = graph.sheet.surface, member.curve
     edge = surface.edges.of[member.cells]
     number, sides = np.unique(edge, return_counts=True)

@@ -12,11 +12,12 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.members import Member, MemberGraph
 
 SAME = 0.25
-"""Joints on an axis share one node if their distance along it is less than this fraction of the member's mean width."""
+"""Joints on an axis share a node if the distance along the axis is below this fraction of the member's mean width."""
 
 
 def fitting(halves: Floats, length: float) -> Floats:
-    """Return the lengths (2,) of the joints at both ends of a bay, metres. halves : (2,) half lengths."""
+    """Return half lengths (2,) of the joints at the ends of a bay, m. The sum is limited to 80 % of the bay.
+    halves : (2,) half lengths before the reduction, m.    length : length of the bay, m."""
     clear = 0.2
     return halves * min(1.0, (1 - clear) * length / max(float(halves.sum()), 1e-30))
 
@@ -24,11 +25,11 @@ def fitting(halves: Floats, length: float) -> Floats:
 @dataclass(eq=False)
 class AxisJoints:
     """Nodes on the axes of members.
-    points, names : points (3,) and names of the nodes.
-    on     : pairs (arc length, node number) of the nodes on an axis, by member.
-    links  : (node, node, width in metres) for two linked nodes.
-    ends   : begin and end of a member's beams, metres along its axis, by member.
-    grazed : nodes at which members overlap although middle lines do not meet."""
+    points, names : position (3,) and name of each node.
+    on     : for each member, pairs (arc length in metres, node number) of the nodes on the axis.
+    links  : (node, node, width in metres) for each link, a beam that only joins two nodes.
+    ends   : for each member, the arc lengths (m) at which the first beam begins and the last beam ends.
+    grazed : numbers of nodes at which members overlap although the middle lines of the members do not meet."""
 
     graph: MemberGraph
     points: list[Floats] = field(default_factory=list)
@@ -49,7 +50,7 @@ class AxisJoints:
         return len(self.names) - 1
 
     def place(self, member: Member, s: float, name: str) -> int:
-        """Return the member's node near arc length `s`, or add a node."""
+        """Return the number of the member's node near arc length `s` (m). If there is none, add a node."""
         tolerance = SAME * member.mean_width
         for station, number in self.on[member.id]:
             if _distance(member, station, s) < tolerance:
@@ -59,15 +60,15 @@ class AxisJoints:
         return number
 
     def other_members(self, number: int, member: Member | None = None) -> list[Member]:
-        """Return the members at a node, without `member`."""
+        """Return all members at the node `number` except `member`."""
         return [candidate for candidate in self._members_by_node.get(number, []) if candidate is not member]
 
     def other_width(self, member: Member, number: int) -> float:
-        """Return the width (m) of the widest other member at a node, or 0."""
+        """Return the width (m) of the widest member at the node `number` except `member`; 0 if `member` is alone."""
         return max((neighbour.mean_width for neighbour in self.other_members(number, member)), default=0.0)
 
     def normal_at(self, number: int) -> Floats:
-        """Return the normal (3,) of the surface at a node; zero for nodes off the axes."""
+        """Return the normal (3,) of the surface at the node `number`; zeros for a node that lies on no axis."""
         for member in self.other_members(number):
             for s, k in self.on[member.id]:
                 if k == number and member.axis is not None:
@@ -84,7 +85,7 @@ class AxisJoints:
 
 
 def joints_at_nodes(graph: MemberGraph) -> AxisJoints:
-    """Return the joints at a graph's nodes."""
+    """Return the joints of members at the nodes of a graph."""
     joints = AxisJoints(graph)
     joints.on = {member.id: [] for member in joints.members_with_axis}
     for node in graph.nodes:
@@ -101,7 +102,7 @@ def joints_at_nodes(graph: MemberGraph) -> AxisJoints:
 
 
 def link_members(joints: AxisJoints, members: list[Member], lengths: tuple[float, float], name: str) -> tuple[int, int]:
-    """Join two members at arc lengths, and return the node of each member."""
+    """Link two members at the arc lengths `lengths` (m). Return the number of the linked node on each member."""
     node_a, node_b = (joints.place(member, s, name) for member, s in zip(members, lengths, strict=True))
     if node_a != node_b:
         joints.links.append((node_a, node_b, min(member.mean_width for member in members)))
@@ -114,11 +115,11 @@ def _distance(member: Member, s: float, t: float) -> float:
 
 
 Trees = Mapping[str, tuple[cKDTree, Floats]]
-"""Search trees of points along the axes by member, and the arc lengths of these points."""
+"""For each member: a search tree of points along the axis, and the arc lengths (m) of these points."""
 
 
 def join_ends(joints: AxisJoints) -> None:
-    """Join member ends without a node to nearby members."""
+    """Add links from member ends without a node to nearby members, and set `joints.ends`."""
     samples = [(member, *_samples(member)) for member in joints.members_with_axis]
     trees = {member.id: (cKDTree(P), s) for member, s, P in samples}
     open_ended = [member for member in joints.members_with_axis if member.axis and not member.axis.closed]
@@ -202,7 +203,8 @@ def _join_end(joints: AxisJoints, member: Member, s: float, trees: Trees) -> Non
 
 
 def _loose_ends(joints: AxisJoints, member: Member) -> Iterable[tuple[float, str, float]]:
-    """Yield a member's loose ends: arc length, "free" or the other member's name, width (m)."""
+    """Yield the ends of a member that lie at no node and no edge of the sheet: arc length (m), name of the touching
+    member or "free", and width (m)."""
     if not member.curve.closed:
         for s, what, width in zip((0.0, member.length), member.ends, member.width[[0, -1]].tolist(), strict=True):
             if what == "free" or what in joints.graph.by_id:
@@ -220,7 +222,7 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 
 
 def add_hubs(joints: AxisJoints) -> None:
-    """Add a hub (central node) and spokes (links to the hub) to members of kind "disc" with 3 nodes or more."""
+    """Add a central node (hub) to each member of kind "disc" with 3 nodes or more. Links join the hub to all nodes."""
     for member in joints.members_with_axis:
         nodes = sorted({number for _, number in joints.on[member.id]})
         if member.kind == "disc" and member.axis and member.axis.closed and len(nodes) >= 3:

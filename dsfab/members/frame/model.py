@@ -1,4 +1,4 @@
-"""A frame of straight beams, its solution, and comparison with the sheet."""
+"""A frame of straight beams, its solution, and comparison with the shell model (sheet)."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -27,7 +27,7 @@ def torsion_constant(width: Floats, thickness: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class BeamMaterial:
-    """Material of beams. young : Pa.    density : kg/m3.    name : as in the preset, or ''."""
+    """Material of beams. young : Young's modulus, Pa.    density : kg/m3.    name : as in the preset, or ''."""
 
     young: float
     poisson: float
@@ -140,10 +140,9 @@ class FrameAnswer:
     """Solution of a frame under a load.
     u        : (n, 6) displacements, metres, and rotations, radians.
     reaction : (n, 6) forces and moments of supports and springs on the frame, N and Nm.
-    end      : (b, 2, 6) section forces at both ends of each beam in its own axes: N, Vy, Vz in N; Mt, My, Mz in Nm.
+    end      : (b, 2, 6) section forces at the two ends, in the beam's local axes: N, Vy, Vz in N; Mt, My, Mz in Nm.
                The section's outward normal is local x. Positive N is tension.
-    energy   : (b,) elastic energy of each beam, J.
-    compliance : loads times displacements, J."""
+    energy   : (b,) elastic energy of each beam, J.    compliance : loads times displacements, J."""
 
     u: Floats
     reaction: Floats
@@ -167,7 +166,7 @@ def solve_frame(frame: Frame, shear: bool = True) -> dict[str, FrameAnswer]:
 
 
 def local_stiffness(frame: Frame, shear: bool = True) -> Floats:
-    """Return the stiffness (b, 12, 12) of each beam in its own axes."""
+    """Return the stiffness matrix (b, 12, 12) of each beam in the local axes of the beam."""
     L, E, G = frame.length, frame.material.young, frame.material.shear
     torsion, about_y, about_z = frame.inertia.T
     k = np.zeros((len(L), 12, 12))
@@ -236,8 +235,9 @@ def _factor(K: csr_array, free: Bools, frame: Frame) -> Callable[[Floats], Float
 def _moves(frame: Frame) -> str:
     held_nodes = int(frame.fixed.any(axis=1).sum())
     return (
-        f"the beam model of {len(frame.members)} members moves freely, with supports at {held_nodes} of "
-        f"{len(frame.points)} nodes; add supports, or connect the loose members (see the nodes in members.json)"
+        f"the beam model of {len(frame.members)} members can move freely, although {held_nodes} of "
+        f"{len(frame.points)} nodes are supported; add supports, or connect the loose members (see the nodes in "
+        f"members.json)"
     )
 
 
@@ -252,15 +252,15 @@ def _answer(frame: Frame, load: Floats, K: csr_array, u: Floats, local: tuple[Fl
 
 
 STOUT = 0.35
-"""Bays wider than this fraction of their length do not act as beams, because joints cover half of such a bay."""
+"""A bay (part between nodes) with a larger width / length does not act as a beam: joints cover half of the bay."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameAgreement:
-    """Comparison of a frame with its sheet, for one case.
-    compliance, displacement : of the frame, divided by the sheet's.
-    stout : share of elastic energy in parts that do not act as beams.
-    twist : largest displacement of the sheet / of a sheet without torsional stiffness of bars."""
+    """Comparison of a frame of beams with the shell model (sheet) of the same structure, for one case.
+    compliance, displacement : compliance and largest displacement of the frame, divided by the values of the sheet.
+    stout : fraction of the elastic energy in parts that are too short and wide to act as beams.
+    twist : largest displacement of a sheet with ribs that twist like bars / largest displacement of a thin sheet."""
 
     case: str
     compliance: float
@@ -270,7 +270,7 @@ class FrameAgreement:
 
     @property
     def slender(self) -> bool:
-        """True if nearly all energy is in long, narrow bays."""
+        """True if nearly all elastic energy is in long, narrow bays (parts of members between nodes)."""
         few = 0.15
         return self.stout <= few
 
@@ -278,18 +278,25 @@ class FrameAgreement:
     def summary(self) -> str:
         """Sentence that compares the beams with the sheet."""
         sentence = (
-            f"beams against the sheet, {self.case}: {self.compliance:.2f} times the sheet's compliance, "
-            f"{self.displacement:.2f} times its largest displacement"
+            f"beam model compared with the sheet, {self.case}: {self.compliance:.2f} times the compliance and "
+            f"{self.displacement:.2f} times the largest displacement of the sheet"
         )
         if self.twist > 1.02:
-            sentence += f"; ribs twist like bars, so the sheet moves {self.twist:.2f} times as far as a thin sheet"
+            sentence += (
+                f"; the ribs of the sheet twist like bars, so the sheet moves {self.twist:.2f} times as far as "
+                f"thin-sheet theory predicts"
+            )
         if abs(self.compliance - 1) <= 0.1 and abs(self.displacement - 1) <= 0.1:
             return sentence
         where = (
-            f"{self.stout:.0%} of the energy is in discs, links, parts between nodes wider than {STOUT:g} of their "
-            "length, and parts where members overlap without a crossing"
+            f"{self.stout:.0%} of the strain energy is in discs, links, short wide parts (width over {STOUT:g} of the "
+            f"length), and places where members overlap without a crossing"
         )
-        why = "although most energy is in slender bays" if self.slender else f"{where}, where beams are a rough model"
+        why = (
+            "most energy is in slender bays, so this difference is unexpected"
+            if self.slender
+            else f"{where}, where beams are a rough model"
+        )
         return f"{sentence}: {why}; take displacements from the sheet"
 
 
@@ -300,8 +307,8 @@ def agreement(
     other_energy: Mapping[str, float],
     twist: Mapping[str, float],
 ) -> list[FrameAgreement]:
-    """Compare the frame with the sheet, for each case and combination.
-    other_energy : share of the sheet's elastic energy outside of members with an axis, by case.
+    """Compare the frame of beams with the shell model (sheet), for each case and combination.
+    other_energy : fraction of the sheet's elastic energy that is not in members with an axis, by case.
     twist        : as in `FrameAgreement`, by case."""
     stout = (frame.member < 0) | (frame.stout > STOUT)
     agreements = []

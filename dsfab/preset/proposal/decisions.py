@@ -24,7 +24,7 @@ from dsfab.preset.proposal.sizes import MODEL, Sizes, shorter_side, sizes
 from dsfab.preset.proposal.text import SHARE, ProposedValues, place_words, proposal_text
 from dsfab.surface import RawMesh, Surface
 
-OWN = "roof"  # Shipped preset without a surface; if it is used with `--mesh`, dsfab proposes a preset in its place.
+OWN = "roof"  # Name of the shipped preset without a surface; with `--mesh`, dsfab proposes a preset instead.
 LISTED = 4  # Largest number of supports that are listed by name in the decision about supports.
 
 
@@ -44,12 +44,12 @@ class Proposal:
 
     @cached_property
     def questions(self) -> tuple[str, ...]:
-        """Questions that only the user can answer, the most urgent first; each names the option for the answer."""
+        """Questions that only the user can answer, the most urgent first. Each question names an option for it."""
         return tuple(_questions(self))
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """A line for each decision: topic, choice, and the key with which the user can change it."""
+        """A line for each decision: topic, choice, and the preset key that changes the choice."""
         return _decision_lines(self.decisions)
 
     @property
@@ -144,11 +144,17 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     yield from mark_decisions(plan.marks)
     yield from _unsupported_pieces(surface, plan.stands)
     figure = is_figure(surface)
-    model = "; a printed model has no snow" if not plan.loads and surface.size < MODEL and not figure else ""
+    model = (
+        "; no snow, because the surface is as small as a printed model"
+        if not plan.loads and surface.size < MODEL and not figure
+        else ""
+    )
     loads = load_words(surface, plan.loads, plan.roof) + model
     yield Decision("carries", loads, "surface.load, or --load snow, wind, people, none")
     over = "" if figure else f", 1/{size.ratio} of the span of {length(size.bridged or size.span)}"
-    material = f"{size.material}; sizing chooses the thickness; first guess {length(size.thickness)}{over}"
+    material = (
+        f"{size.material}; `dsfab size` chooses the thickness of the sheet; first guess: {length(size.thickness)}{over}"
+    )
     yield Decision("made of", material, "statics.material, statics.thickness")
     across = f", about {round(size.span / size.spacing)} across" if not figure and _fills(surface, size) else ""
     members = f"members every {length(size.spacing)}{across}, along the stress"
@@ -166,9 +172,15 @@ def _stands(proposal: Proposal) -> Decision:
     if "support" in proposal.plan.marks:
         return Decision("stands on", where, "surface.support")
     topic = "hangs from" if winner.reading.kind == "hung" else "stands on"
-    free = "; other edges and openings are free" if any(place.length for place in stands) else ", its lowest part"
-    built_in = "; these supports are clamped, without rotation" if proposal.plan.built_in else ""
-    tips = "; the centre of mass is outside of the supports, which must also hold the sheet down" if winner.tips else ""
+    free = (
+        "; other edges and openings have no support" if any(place.length for place in stands) else ", its lowest part"
+    )
+    built_in = "; these supports are clamped, so they allow no rotation" if proposal.plan.built_in else ""
+    tips = (
+        "; the centre of mass is outside of the supports, so the supports must also resist uplift"
+        if winner.tips
+        else ""
+    )
     alternatives = [candidate.reading.word for candidate in proposal.given.choice.runners_up]
     flag = f", or --stand {', '.join(alternatives)}" if alternatives else ""
     return Decision(topic, where + free + built_in + tips, "surface.support" + flag)
@@ -184,8 +196,8 @@ def _questions(proposal: Proposal) -> Iterator[str]:
         return
     for rival in choice.rivals:
         if rival.up != winner.up:
-            words = f"does the axis {winner.up} of {mesh.name} point to the sky, or {rival.up}?"
-            yield f"{words} dsfab uses {winner.up}; if that is wrong, add --up {rival.up}"
+            words = f"does the axis {winner.up} of {mesh.name} point to the sky, or the axis {rival.up}?"
+            yield f"{words} dsfab uses the axis {winner.up}; if this axis is wrong, add --up {rival.up}"
         else:
             names = [place_words(candidate.reading.places) for candidate in (winner, rival)]
             yield (
@@ -194,7 +206,10 @@ def _questions(proposal: Proposal) -> Iterator[str]:
             )
     if winner.score < DOUBT:
         guess = place_words(proposal.plan.stands)
-        yield f"what supports {mesh.name}? dsfab guesses {guess}; if this is wrong, name the supports with --stand"
+        (
+            yield f"what supports {mesh.name}? dsfab guesses {guess}; if this guess is wrong, name the supports with "
+            f"--stand"
+        )
 
 
 def _fills(surface: Surface, size: Sizes) -> bool:
@@ -217,7 +232,10 @@ def _unsupported_pieces(surface: Surface, stands: tuple[SupportPlace, ...]) -> I
     x, y, z = (np.round(areas @ surface.centroids[first_piece] / areas.sum(), 2) + 0.0).tolist()
     stand = f"{len(free)} of {count} pieces {'stand' if len(free) > 1 else 'stands'} on nothing"
     which = f"{'the first' if len(free) > 1 else 'it'} is around ({x:g}, {y:g}, {z:g}) m"
-    yield Decision("pieces", f"{stand}, which cannot be built: join the pieces in the file, or support each; {which}")
+    yield Decision(
+        "pieces",
+        f"{stand}, so the structure cannot be built: join the pieces in the file, or support each piece; {which}",
+    )
 
 
 def _mesh(surface: Surface, size: Sizes) -> Decision:

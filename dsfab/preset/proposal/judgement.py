@@ -31,14 +31,14 @@ from dsfab.statics import PAPER, Material, SheetModel, equilibrium, sheet_stiffn
 from dsfab.surface import LoadCase, Surface, Up, upright_vertices
 
 DEEP = {"roof": 50.0, "hung": 50.0, "floor": 25.0, "wall": 20.0}
-"""Usual ratio of a surface's size (see `_depth`) to the depth of its ribs, by kind."""
+"""Usual ratio of a surface's size (see `_depth`) to the depth of the surface's ribs, by kind of surface."""
 LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}  # Usual load, Pa: snow, services, people, wind.
 TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: strength 24 MPa x 0.8 / 1.25.
 LIMIT = 1 / 300  # Largest usual movement, divided by the span.
 EDGE = 0.5  # Fraction by which a score is reduced if all edges of the sheet are supported.
 UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}  # Share of each unit among files without a unit.
 BUILDING, SPREAD = 18.0, 1.1  # Median length of buildings, metres, and standard deviation of its logarithm.
-LEAST, DOUBT = 0.02, 0.25  # Smallest scores of plausible supports, and of supports without doubt.
+LEAST, DOUBT = 0.02, 0.25  # Smallest score of plausible supports; smallest score of supports that dsfab does not doubt.
 CLOSE = 0.75  # dsfab asks about supports whose score is at least this share of the best score.
 OPEN = 0.13  # dsfab asks about the unit if the second most probable unit has at least this probability.
 UNDER = 0.7  # Factor on the score of a vertical axis if the surface would then reach below the ground (z = 0).
@@ -47,8 +47,8 @@ UNDER = 0.7  # Factor on the score of a vertical axis if the surface would then 
 @dataclass(frozen=True, eq=False)
 class JudgedReading:
     """A way to support a surface, with its score. up : axis of the user's mesh that points up.
-    built_in : True for a wall, and for a single line of support that is no closed loop.
-    figures  : values that give the score, by name; may be empty."""
+    built_in : True for clamped supports: for a wall, and for a single line of support that is not a closed loop.
+    figures  : values from which the score is computed, by name; may be empty."""
 
     reading: SupportReading
     score: float
@@ -63,8 +63,8 @@ class JudgedReading:
 
 
 def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float = 1.0) -> JudgedReading:
-    """Return a way to support a shape with its score, 0 if the sheet could move freely.
-    up : axis of the user's mesh that points up.    usual : factor on the score."""
+    """Return the way `reading` to support a shape, with a score. The score is 0 if the sheet could move freely.
+    up : axis of the user's mesh that points up.    usual : factor on the score, smaller for an improbable axis."""
     if reading.kind == "object":
         return JudgedReading(reading, DRAWN * usual, up)
     surface, supported = shape.surface, reading.vertices(shape.surface)
@@ -133,7 +133,7 @@ def _upward(reading: SupportReading, surface: Surface, rows: Bools, reaction: Fl
 
 
 def _inside(shape: Shape, supported: Bools) -> float:
-    """Return the distance in plan (m) from the centre of mass to the supports' outline; negative outside."""
+    """Return the distance in plan (m) from the centre of mass to the convex hull of the supports; negative outside."""
     P, middle = shape.surface.V[supported, :2], shape.middle[:2]
     depth = depth_within(P, middle)
     if depth is not None:
@@ -143,7 +143,7 @@ def _inside(shape: Shape, supported: Bools) -> float:
 
 
 def usual_unit(unit: str, size: float) -> float:
-    """Return a weight for a unit. size : longest side of the surface, in this unit."""
+    """Return the relative probability of a length unit. size : longest side of the surface, in this unit."""
     return UNITS[unit] * float(np.exp(-0.5 * (np.log(metres_per(unit) * size / BUILDING) / SPREAD) ** 2))
 
 
@@ -163,8 +163,8 @@ def likely_units(shape: Shape) -> list[tuple[str, float]]:
 
 @dataclass(frozen=True, eq=False)
 class SupportChoice:
-    """The ways to support a surface with their scores, the best first, and the surface's unit.
-    units : probability of each possible unit; empty if the unit is known."""
+    """Scored ways to support a surface, and the unit of the surface.    ranking : the best score first.
+    units : pairs of a possible unit and its probability; empty if the unit is known."""
 
     ranking: tuple[JudgedReading, ...]
     unit: str
@@ -181,34 +181,33 @@ class SupportChoice:
                 f"{candidate.reading.word} ({candidate.up} up): {_flaw(candidate)}" for candidate in self.ranking[:4]
             )
             raise PresetError(
-                f"no way to hold the surface is plausible; tried {tried}; name its supports with --stand, its unit "
-                "with --unit, or its vertical axis with --up"
+                f"dsfab finds no plausible way to support the surface; dsfab tried {tried}; name the supports with "
+                f"--stand, the unit with --unit, or the vertical axis with --up"
             )
 
     @property
     def rivals(self) -> list[JudgedReading]:
-        """At most two ways of support with nearly the best score."""
+        """Up to two further ways of support with nearly the best score."""
         rivals = [rival for rival in self.ranking[1:] if rival.score > CLOSE * self.best.score]
         best_on = {rival.up: rival for rival in reversed(rivals)}
         return [rival for rival in rivals if rival.up == self.best.up or rival is best_on[rival.up]][:2]
 
     @property
     def runners_up(self) -> list[JudgedReading]:
-        """At most three more plausible ways of support with the same vertical axis."""
+        """Up to three plausible ways of support after the best, with the same vertical axis."""
         return [rival for rival in self.ranking[1:] if rival.up == self.best.up and rival.score > LEAST][:3]
 
     @property
     def rival_unit(self) -> str:
-        """A second unit that is also probable; else ''."""
+        """Second most probable unit of the surface; '' if the unit is known or this second unit is improbable."""
         return self.units[1][0] if self.units and self.units[1][1] > OPEN else ""
 
 
 def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: str = "") -> SupportChoice:
-    """Return the ways to support a surface with scores, and the surface's unit and vertical axis.
+    """Return the scored ways to support a surface, with the unit and the vertical axis of the surface.
     surface : surface in metres, or in the numbers of its file if the unit is unknown.
-    axes    : possible vertical axes, each with a factor on the scores.
-    unit    : unit, or "" if unknown.
-    stand   : name of a reading, or height (m) above the lowest point; "" for the best reading.
+    axes    : possible vertical axes, each with a factor on the scores.    unit : unit, or "" if unknown.
+    stand   : name of a way of support, or height (m) of supports above the lowest point; "" for the best way.
     Raises PresetError for an unknown name."""
     coarse = surface if is_nearly_closed(surface) else coarse_surface(surface)
     size = float(np.ptp(coarse.V, axis=0).max())
@@ -231,7 +230,8 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
 
 
 def _ranking(shapes: Mapping[Up, Shape], candidates: Sequence[tuple[float, Up, SupportReading]]) -> list[JudgedReading]:
-    """Return ways to support with scores, the best first."""
+    """Return the best ways of support with scores, the highest score first.
+    candidates : factor on the score, vertical axis and way of support."""
     ranking = list[JudgedReading]()
     for factor, up, reading in sorted(candidates, key=lambda candidate: -candidate[0] * candidate[2].form):
         highest = factor * reading.form
@@ -260,17 +260,21 @@ def _readings(shape: Shape, stand: str) -> list[SupportReading]:
 
 def _no_word(stand: str, candidates: Sequence[SupportReading]) -> str:
     words = "".join(f"{word}, " for word in dict.fromkeys(reading.word for reading in candidates))
-    fault = f"--stand {stand}: the surface has no such place" if stand else "no way to hold the surface is plausible"
+    fault = (
+        f"--stand {stand}: the surface has no place of this kind"
+        if stand
+        else "dsfab finds no plausible way to support the surface"
+    )
     option = "use" if stand else "choose with --stand:"
     return f"{fault}; {option} {words}{'or ' if words else ''}a height in metres above the surface's lowest point"
 
 
 def _flaw(candidate: JudgedReading) -> str:
     if not candidate.figures:
-        return "the surface would move without resistance"
+        return "the surface with these supports would move without resistance"
     flaws = {
-        f"displacement or stress is {candidate.figures['used']:.2g} x the limit": candidate.figures["used"] - 1,
+        f"displacement or stress is {candidate.figures['used']:.2g} times the limit": candidate.figures["used"] - 1,
         "it would tip": 0.5 - candidate.figures["steady"],
-        "the shape of the surface does not suggest this way of support": 0.3 - candidate.figures["form"],
+        "the shape of the surface does not suggest supports of this kind": 0.3 - candidate.figures["form"],
     }
     return max(flaws, key=lambda words: flaws[words])

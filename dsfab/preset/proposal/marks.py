@@ -28,15 +28,15 @@ def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
     if by_layer and user_mesh.keys.get("up", "z") != "z":
         raise SurfaceError(
             f"{path} has marks on layer {next(iter(by_layer))!r}, but z does not point up; turn the drawing so that z "
-            "points up, and save it again"
+            f"points up, and save the drawing again"
         )
     origin = user_mesh.keys.get("origin")
     return {word: layer_marks.about(origin) for word, layer_marks in by_layer.items()} if origin else by_layer
 
 
 def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, edge: float) -> Iterator[list[str]]:
-    """Yield tables of a preset for the marks, each as a list of lines.
-    file : path from the preset's folder, or "" to write curves into the preset.    edge : mean edge of the mesh (m)."""
+    """Yield the lines of each table of a preset that describes the marks. edge : mean edge length of the mesh (m).
+    file : path of the marks' file relative to the preset's folder, or "" to write the curves into the preset."""
     radius = round(0.6 * edge, 3)
     for word, layer_marks in marks.items():
         head = TABLES.get(word, "[[pattern.region]]")
@@ -67,14 +67,18 @@ def mark_decisions(marks: Mapping[str, Marks]) -> Iterator[Decision]:
             (len(layer_marks.open_runs), "line"),
         ]
         counts = ", ".join(f"{count} {thing}{'s' if count > 1 else ''}" for count, thing in parts if count)
-        value = "; 1 kN a point, 1 kN/m along a line, 1 kPa within a curve: placeholders" if word == "load" else ""
+        value = (
+            "; the loads are placeholders: 1 kN at each point, 1 kN/m along each line, 1 kPa within each curve"
+            if word == "load"
+            else ""
+        )
         lost = len(layer_marks.points) + len(layer_marks.open_runs) if word == "void" else 0
         value += f"; {lost} of these points and lines enclose no area and are ignored" if lost else ""
         yield Decision(f"layer {layer_marks.layer}", counts + value, changes.get(word, "pattern.region"))
 
 
 def drawn_feet(marks: Mapping[str, Marks]) -> tuple[SupportPlace, ...]:
-    """Return the marks on layer `support` as one support; () without marks."""
+    """Return all marks on the layer `support` as a single support; () if the layer has no marks."""
     if "support" not in marks:
         return ()
     layer_marks = marks["support"]

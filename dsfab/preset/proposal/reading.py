@@ -36,14 +36,14 @@ from dsfab.surface import (
 )
 
 Z_UP = (".3mf", ".3dm", ".dxf", ".glb", ".gltf", ".ifc")
-"""Suffixes of files in which z is vertical, by the format or its usual program. glTF files are rotated when read."""
+"""Suffixes of file formats in which z is vertical, always or usually. dsfab rotates glTF files when it reads them."""
 MOSTLY_Z = (".stl", ".step", ".stp", ".brep")  # Suffixes of files in which z is mostly the vertical axis.
 Y_UP = 0.7  # Factor on the scores of supports if y is the vertical axis; few programs use a vertical y axis.
 GROUND = 1e-3  # Largest depth below y = 0 that counts as zero, divided by the size of the surface.
 
 
 def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) -> dict[Up, float]:
-    """Return the possible vertical axes of a surface, and factors on the scores of supports.
+    """Return the possible vertical axes of a surface, each with a factor on the scores of ways of support.
     suffix : suffix of the file, with the dot.
     usual  : "y" or "z", the vertical axis of the program that wrote the file; None if unknown."""
     y = Y_UP**2 if suffix.lower() in MOSTLY_Z else Y_UP
@@ -101,8 +101,8 @@ class Decision:
 @dataclass(frozen=True, eq=False)
 class UserMesh:
     """The user's mesh as a surface (metres, z up).
-    choice   : chosen unit, axis and supports.    places : the supports, in coordinates of `surface`.
-    repaired : a sentence for each repair of the mesh."""
+    keys     : keys of [surface].    choice : chosen unit, vertical axis and supports.
+    places   : supported parts, in coordinates of `surface`.    repaired : a sentence for each repair of the mesh."""
 
     surface: Surface
     name: str
@@ -157,7 +157,7 @@ def mesh_in_file(
         keys["origin"] = list(origin)
         surface = Surface(surface.V - origin, surface.F)
         where = f"{coordinates(origin)} m of the file"
-        why = "programs round coordinates so far from the origin; move output files back by this vector"
+        why = "programs round coordinates that are so far from the origin; to move output files back, add this vector"
         decisions.append(Decision("origin", f"{where}: {why}", "surface.origin"))
     places = _places(surface, chosen, np.array(origin))
     repaired = file_surface.record.repaired
@@ -193,7 +193,8 @@ def preset_name(mesh: str | Path) -> str:
 
 
 def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None, stand: str = "") -> UserMesh:
-    """Return a mesh from Python, by default in metres. Raises SurfaceError for an invalid mesh."""
+    """Return a mesh from Python. unit : default metres.    stand : name of a way of support, or "".
+    Raises SurfaceError for an invalid mesh."""
     if isinstance(mesh, tuple | list) and len(mesh) == 2:
         surface = Surface.from_mesh(mesh[0], mesh[1], unit or "m")
     else:
@@ -216,16 +217,20 @@ def _with_z_up(surface: Surface, chosen: SupportChoice, option: Up | None) -> tu
     if option is not None:
         return turned, Decision("up", f"{up}, as you say", change)
     if up != "z":
-        lies = f"{up}; with z up, the surface would lie on its side or back"
+        lies = f"{up}; if z pointed up, the surface would lie on its side or back"
         return turned, Decision("up", lies, change)
     low, _, high = np.sort(np.ptp(turned.V, axis=0))
     stands = np.ptp(turned.V[:, 2]) == high and high > 1.5 * low
-    words = f"z, so the surface stands {length(high)} high; choose another axis if it should lie" if stands else "z"
+    words = (
+        f"z, so the surface stands {length(high)} high; choose another axis if the surface should lie flat"
+        if stands
+        else "z"
+    )
     return turned, Decision("up", words, change)
 
 
 def origin_near(surface: Surface) -> tuple[float, ...]:
-    """Return an origin (whole metres) near the lowest corner of a surface; 0 on axes with small coordinates."""
+    """Return a new origin (whole metres) near the lowest corner of a surface; 0 on axes with small coordinates."""
     low = surface.V.min(axis=0)
     # at such distances, single precision (STL) rounds coordinates to 1/100 000 of the size
     is_far = np.abs(surface.V).max(axis=0) > 100.0 * surface.size
@@ -233,10 +238,13 @@ def origin_near(surface: Surface) -> tuple[float, ...]:
 
 
 def size_doubt(sides: Sequence[float], unit: str) -> str:
-    """Return a question about the unit if the sides (m) are unusual, else ''."""
+    """Return a question about the unit of the surface if the longest of its sides (m) is unusual, else ''."""
     if SMALLEST <= max(sides) <= LARGEST:
         return ""
-    doubt = f"far {'larger' if max(sides) > LARGEST else 'smaller'} than usual structures; is the file's unit right?"
+    doubt = (
+        f"the surface is far {'larger' if max(sides) > LARGEST else 'smaller'} than usual structures; is the file's "
+        f"unit right?"
+    )
     return f" ({'; '.join([doubt, *sizes_in_other_units(sides, unit, USUAL)])})"
 
 
@@ -249,12 +257,13 @@ def _unit_words(surface: Surface, chosen: SupportChoice, declared: str | None, o
         alternatives = [text for text in alternatives if text.startswith(tuple(likely))]
     elif USUAL[0] <= max(sides) <= USUAL[1] or declared or option:
         alternatives = []
-    sizes = f" (the file names no unit; {'; '.join(alternatives)})" if alternatives else ""
+    sizes = f" (the file names no unit; other possible units: {'; '.join(alternatives)})" if alternatives else ""
     return words + (size_doubt(sides, unit) or sizes)
 
 
 def sizes_in_other_units(sides: Sequence[float], unit: str, between: tuple[float, float] = POSSIBLE) -> list[str]:
-    """Return texts ('--unit in: 8 m x 6 m x 3 m') of further units that put the longest side in `between` (m)."""
+    """Return a text such as '--unit in: 8 m x 6 m x 3 m' for each other unit that is plausible. A unit is plausible if
+    the longest side then lies within the range `between` (m)."""
     metres = {name: metres_per(name) / metres_per(unit) for name in GUESSED if name != unit}
     return [
         f"--unit {name}: {' x '.join(length(times * side) for side in sides)}"
@@ -268,7 +277,7 @@ def _box(surface: Surface) -> str:
 
 
 def vertical_axis(up: str | None) -> Up | None:
-    """Return `up` as an axis, or None. Raises SurfaceError."""
+    """Return the axis with the name `up`, or None. Raises SurfaceError for an unknown name."""
     axes: tuple[Up, ...] = get_args(Up)
     if up is None or up in axes:
         return next((axis for axis in axes if axis == up), None)

@@ -13,9 +13,9 @@ from dsfab.surface import Ball, Boundary, Box, Surface, link_components
 
 DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25  # `SupportReading.form` of supports: shown by the shape, usual, possible.
 RARER = 0.8  # Factor on `SupportReading.form` for hanging surfaces and for walls, because roofs are more frequent.
-LEFT = 0.7  # Factor on the score `SupportReading.form` if necks or hollows (see `Shape`) stay without support.
+LEFT = 0.7  # Factor on the score `SupportReading.form` if necks or hollows (see `Shape`) have no support.
 SAG = 0.15  # Smallest sag of a hanging roof, divided by its height.
-WALLS = 0.8  # `_edge_form` above which an outer edge is level and low enough to stand on walls.
+WALLS = 0.8  # Smallest `_edge_form` of an outer edge that is level and low enough to stand on walls.
 APART = 12.0  # Largest distance between posts along a strip, metres.
 FRAGMENT = 0.1  # Smallest size of a support, divided by the size of the largest support.
 LOWEST_SILL = 0.005  # Smallest height of a window above the base, divided by the wall's height.
@@ -29,9 +29,9 @@ Kind = Literal["roof", "hung", "floor", "wall", "object"]
 class SupportPlace:
     """A supported part of a surface.
     points : (k, 3) points along the free edge or on the surface, metres.    is_loop : True for a whole closed edge.
-    length : length of free edge (m), 0 inside the sheet.
-    loop   : number of the closed edge, 0 for the longest; None if another edge has nearly the same length.
-    radius : radius of a disc inside the sheet, metres."""
+    length : length of the supported free edge (m), 0 inside the sheet.
+    loop   : number of the supported boundary loop, 0 for the longest; None if another loop is about as long.
+    radius : radius of a supported disc inside the sheet, metres."""
 
     name: str
     points: Floats
@@ -48,7 +48,8 @@ class SupportPlace:
         return replace(self, points=self.points - offset)
 
     def picker(self, margin: float = 0.0, digits: int = 9) -> Boundary | Ball | Box:
-        """Return a picker of this place on any mesh of the surface."""
+        """Return an object that selects the vertices of this supported part on any mesh of the surface.
+        margin : distance (m) added around the part.    digits : decimals of coordinates."""
         if self.loop is not None:
             return Boundary(self.loop)
         if self.length:
@@ -64,7 +65,7 @@ class SupportPlace:
 @dataclass(frozen=True, eq=False)
 class SupportReading:
     """A way in which a shape may be supported.
-    word : its name for `--stand`.    form : score from 0 to 1, best 1."""
+    word : name for the option `--stand`.    form : score of the shape alone, 0 to 1 (best)."""
 
     word: str
     kind: Kind
@@ -141,7 +142,7 @@ def _column_heads(shape: Shape) -> Iterator[SupportReading]:
 
 
 def _edge_form(shape: Shape) -> float:
-    """Return 1 if the outer edge is level and low, as on walls; less for other edges."""
+    """Return a score of the outer edges: 1 for level and low edges that could rest on walls, less for other edges."""
     return _mean([edge.levelness * shape.lowness(edge) for edge in shape.outer])
 
 
@@ -300,7 +301,7 @@ def low_places(shape: Shape, reach: float, edges: Sequence[Edge] = ()) -> list[S
 
 
 def soles(surface: Surface) -> tuple[SupportPlace, ...]:
-    """Return the lowest parts of a closed surface, without very small parts."""
+    """Return the lowest parts of a closed surface as supports; very small parts are left out."""
     z = surface.V[:, 2]
     low = z <= z.min() + SOLE * np.ptp(z)
     ends = surface.edges.ends[low[surface.edges.ends].all(axis=1)]

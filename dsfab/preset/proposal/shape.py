@@ -44,7 +44,7 @@ def is_nearly_closed(surface: Surface) -> bool:
 
 
 def is_figure(surface: Surface) -> bool:
-    """Return True if the surface is closed, or nearly closed."""
+    """Return True if the surface is closed, or if its boundary is shorter than 2 sqrt(area)."""
     return bool(surface.edge_lengths[surface.edges.boundary].sum() ** 2 < 4 * surface.area)
 
 
@@ -97,7 +97,7 @@ class Edge:
 
     @cached_property
     def levelness(self) -> float:
-        """1 for a level edge, 1/2 for an edge with the slope `SLOPE`."""
+        """Score of the edge: 1 if level, 1/2 if the root mean square slope is `SLOPE`."""
         P = self.points[:: max(len(self.points) // 60, 1)]
         step = np.diff(np.vstack([P, P[:1]]), axis=0) if self.closed else np.diff(P, axis=0)
         run = lengths(step) + 1e-12
@@ -105,11 +105,11 @@ class Edge:
 
     @cached_property
     def straight_levelness(self) -> float:
-        """1 for a level edge, 1/2 if rise / length is `SLOPE`."""
+        """Score of the edge: 1 if level, 1/2 if (largest - smallest height) / length is `SLOPE`."""
         return float(1 / (1 + (np.ptp(self.z) / max(self.length, 1e-12) / SLOPE) ** 2))
 
     def valleys(self, height: float, shortest: float) -> Iterator[tuple["Edge", float]]:
-        """Yield low parts of a closed edge, each with its depth (m). height : height of the surface, metres.
+        """Yield the low parts of a closed edge, with the depth (m) of each part. height : of the surface, metres.
         shortest : smallest length of a part, metres."""
         z, n, step = self.z, len(self.points), self.length / len(self.points)
         tops, facts = find_peaks(-np.tile(z, 3), prominence=DEPTH * height, plateau_size=(None, None))
@@ -118,7 +118,7 @@ class Edge:
                 continue
             profiles = [np.maximum.accumulate(np.roll(z, -top)[::sign][: n // 2 - 1]) for sign in (1, -1)]
             least = np.sort(np.concatenate(profiles))[min(int(np.ceil(shortest / step)), n - 3)]
-            level = max(z[top] + RISE * height, least) + 1e-4 * height  # 1e-4: points of equal height are all included
+            level = max(z[top] + RISE * height, least) + 1e-4 * height  # 1e-4 includes all points of equal height
             after, before = (int((profile <= level).sum()) for profile in profiles)
             yield self.part((top - before) % n, (top + after - 1) % n), float(depth)
 
@@ -167,12 +167,12 @@ class Shape:
 
     @cached_property
     def large(self) -> list[Edge]:
-        """Long inner edges, for example of a courtyard."""
+        """Long boundary loops that are not in `outer`, such as the edge of a courtyard."""
         return [edge for edge in self.edges if edge not in self.outer and edge not in self.small]
 
     @cached_property
     def small(self) -> list[Edge]:
-        """Small inner edges (boundary loops)."""
+        """Short boundary loops that are not in `outer`."""
         return [edge for edge in self.edges if edge not in self.outer and edge.length < SMALL * self.edges[0].length]
 
     @cached_property
@@ -181,13 +181,13 @@ class Shape:
 
     @cached_property
     def width(self) -> float:
-        """4 x area / length of the edges, metres."""
+        """Mean width in metres: 4 x area / length of the long edges."""
         length = sum(edge.length for edge in (*self.outer, *self.large))
         return float(4 * self.surface.area / length if length else np.sqrt(self.surface.area))
 
     @cached_property
     def plan_share(self) -> float:
-        """Share of the area that is visible in plan."""
+        """Mean of |z component of the normal|: 1 for a level surface, 0 for a vertical surface."""
         return float(self.surface.areas @ np.abs(self.surface.normals[:, 2]) / self.surface.area)
 
     @cached_property
@@ -234,7 +234,7 @@ class Shape:
         return np.asarray(length @ (into / lengths(into)[:, None]) / length.sum()) if len(third) else np.zeros(3)
 
     def slenderness(self, edge: Edge) -> float:
-        """Return the height of an edge above the sheet around, divided by the edge's mean radius."""
+        """Return the height of an edge above the surrounding sheet, divided by the mean radius of the edge."""
         radius = edge.length / (2 * np.pi)
         middle = edge.points.mean(axis=0)
         away = np.linalg.norm(self.surface.V[:, :2] - middle[:2], axis=1) / radius
@@ -242,13 +242,13 @@ class Shape:
         return float(middle[2] - np.median(around)) / radius if len(around) else 0.0
 
     def lowness(self, edge: Edge) -> float:
-        """Return 1 for a low edge, 0 at the surface's top."""
+        """Return a score: 1 for an edge below the centre of mass, 0 for an edge at the surface's top."""
         rise = (edge.z.mean() - self.middle[2]) / max(self.surface.V[:, 2].max() - self.middle[2], 1e-9)
         return 1.0 if self.rise < 0.05 * self.width else float(np.clip(1 - rise, 0, 1))
 
     @cached_property
     def hollows(self) -> Ints:
-        """Indices (k,) of vertices that are lower than all others around."""
+        """Indices (k,) of the lowest vertices of hollows in the surface."""
         V, z = self.surface.V, self.surface.V[:, 2]
         tree = cKDTree(V[:, :2])
         radius, lowest, hollows = self.width / 12, z.copy(), list[int]()
@@ -268,14 +268,14 @@ class Shape:
         return np.setdiff1d(self.hollows, np.concatenate([*self.surface.loops, np.zeros(0, dtype=np.int64)]))
 
     def below(self, plan: Floats) -> Floats:
-        """Return the places (k, 3) of the vertices nearest to points `plan` (j, 2), seen from above.
+        """Return the positions (k, 3) of the vertices nearest in plan to the points `plan` (j, 2).
         Points outside the sheet are left out."""
         away, vertex = (np.atleast_1d(values) for values in cKDTree(self.surface.V[:, :2]).query(plan))
         return np.asarray(self.surface.V[vertex[away < 0.05 * self.width]])
 
     @cached_property
     def is_object(self) -> bool:
-        """True for a sculpture."""
+        """True for a sculpture: a closed surface, or a nearly closed surface with all edges above the ground."""
         if is_nearly_closed(self.surface):
             return True
         ground = self.surface.V[:, 2].min() + RISE * self.rise
@@ -289,17 +289,17 @@ class Shape:
 
     @cached_property
     def lugs(self) -> list[Edge]:
-        """Small edges from which the sheet may hang."""
+        """Small inner edges, high above the surrounding sheet, from which the sheet may hang."""
         return [edge for edge in self.small if self.neck(edge)[2] < -NECK and self.slenderness(edge) > LUG]
 
     @cached_property
     def wall(self) -> float:
-        """1 for a wall, 0 for a roof, and values between."""
+        """Score by mean slope: 1 for a wall, 0 for a roof, or a value between."""
         return float(np.clip((0.55 - self.plan_share) / 0.2, 0, 1))
 
     @cached_property
     def is_deck(self) -> bool:
-        """True for a strip with level ends that people can walk on."""
+        """True for a long strip with level ends and a walkable slope, such as a footbridge."""
         climb = abs(float(np.subtract(*(end.z.mean() for end in self.sides[::2])))) if self.sides else 0.0
         walkable = np.abs(self.surface.normals[:, 2]) > np.cos(np.radians(40.0 if climb > 0.9 * self.rise else 25.0))
         share = float(self.surface.areas[walkable].sum() / self.surface.area)
@@ -307,12 +307,12 @@ class Shape:
 
     @property
     def is_floor(self) -> bool:
-        """True for a deck and for a flat sheet."""
+        """True for a walkable strip (see `is_deck`) and for a flat sheet."""
         return self.is_deck or self.rise < 0.01 * self.width
 
 
 def is_scalloped(edge: Edge, corners: Sequence[int]) -> bool:
-    """Return True if a closed edge curves inwards between all corners."""
+    """Return True if a closed edge curves inwards between all adjacent corners. corners : numbers of points."""
     middle = edge.points[list(corners), :2].mean(axis=0)
     for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
         arc = edge.part(a, b).points[:, :2]

@@ -69,7 +69,7 @@ class Sizes:
 
     @property
     def keep(self) -> float:
-        """Distance around supports within which the surface stays material."""
+        """Distance from supports up to which the whole surface stays material."""
         return two_digits(0.35 * self.spacing)
 
     @property
@@ -92,7 +92,7 @@ def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> S
 
 
 def shorter_side(surface: Surface) -> float:
-    """Return the shorter side (m) of a surface's plan; for a wall, of its elevation."""
+    """Return the length (m) of the shorter side of a surface in plan, or of a wall in elevation."""
     across, face = float(np.ptp(surface.V, axis=0)[:2].min()), float(np.sort(np.ptp(surface.V, axis=0))[1])
     return face if across < face / 4 else across
 

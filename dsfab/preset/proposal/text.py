@@ -35,10 +35,10 @@ class ProposedValues:
 
 def proposal_text(user_mesh: UserMesh, plan: ProposedValues, keys: Mapping[str, Any], notes: Mapping[str, str]) -> str:
     """Return the preset as TOML with comments.
-    keys : keys of [surface] that define the mesh.    notes : reasons, by topic."""
+    keys : keys of [surface] that define the mesh.    notes : reasons for decisions, by topic."""
     size, stands, marks = plan.size, plan.stands, plan.marks
     surface, stand = user_mesh.surface, () if "support" in marks else stands
-    file = "" if "origin" in keys else str(keys.get("file"))  # curves in the file keep the old origin
+    file = "" if "origin" in keys else str(keys.get("file"))  # `origin` does not move the file's curves
     tables = list(mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge))
     head = [
         f"# {user_mesh.name}: made by `dsfab new`; every value is a proposal. Units: metres, newtons, pascals.",
@@ -60,11 +60,15 @@ def proposal_text(user_mesh: UserMesh, plan: ProposedValues, keys: Mapping[str, 
         _widths(),
         [
             "[slicing]",
-            toml_line("snap", 0.01, "largest move of a cut to a vertex, share of an edge; small values keep symmetry"),
+            toml_line(
+                "snap",
+                0.01,
+                "largest distance by which a cut moves to a vertex, as a share of the edge; small values keep symmetry",
+            ),
             toml_line("improve", True, "fewer and better triangles in the cut mesh, for finite elements and CAD"),
         ],
         *_thickening(surface),
-        ["[sizing]", toml_line("first", size.thickness, "m; first guess of the thickness")],
+        ["[sizing]", toml_line("first", size.thickness, "first guess of the thickness, in metres")],
         [
             "[export]",
             toml_line("step", "quick", "quick: STEP only if it is fast; auto: more kinds of STEP, which takes minutes"),
@@ -79,12 +83,14 @@ def _surface(keys: Mapping[str, Any], notes: Mapping[str, str], size: Sizes) -> 
     comments = {"unit": notes["unit"], "up": notes["up"], "mend": notes.get("mended", "")}
     comments["repair"] = comments["mend"]
     comments["only"] = "parts of the file that form the surface"
-    comments["origin"] = "metres; this point of the mesh is the origin of output files"
+    comments["origin"] = "in metres; this point of the mesh becomes the origin of output files"
     for key, value in keys.items():
         if key != "mesh":
             yield toml_line(key, value, comments.get(key, ""))
     if size.edge:
-        yield toml_line("edge", size.edge, "m; edge length of a new, even mesh with the same boundaries and creases")
+        yield toml_line(
+            "edge", size.edge, "edge length of a new, even mesh with the same boundaries and creases, in metres"
+        )
     if size.edge and size.coarse:
         yield toml_line("smooth", True, "the new vertices lie on the smooth surface through the old vertices")
 
@@ -120,7 +126,7 @@ def _statics(plan: ProposedValues) -> Iterator[str]:
     yield toml_line("material", plan.size.material, "`dsfab materials` lists all materials")
     yield toml_line("thickness", "auto", "auto: the smallest thickness that meets [sizing]; or a number in metres")
     if plan.built_in:
-        yield toml_line("bending", "midedge", "elements with rotations, which built-in edges need")
+        yield toml_line("bending", "midedge", "elements with rotations; built-in edges need these elements")
 
 
 def _diffusion(plan: ProposedValues) -> Iterator[list[str]]:
@@ -131,10 +137,10 @@ def _diffusion(plan: ProposedValues) -> Iterator[list[str]]:
 def _pattern(surface: Surface, size: Sizes) -> Iterator[str]:
     yield "[pattern]"
     yield toml_line("method", "stripes", "evenly spaced stripes along the stress")
-    yield toml_line("keep", size.keep, "m of material around supports")
+    yield toml_line("keep", size.keep, "width of the material around supports, in metres")
     if surface.loops:
-        yield toml_line("rim", size.rim, "m of material along edges and openings")
-    yield toml_line("fillet", size.fillet, "m, radius of the corners of openings")
+        yield toml_line("rim", size.rim, "width of the material along edges and openings, in metres")
+    yield toml_line("fillet", size.fillet, "radius of the corners of openings, in metres")
 
 
 def _families(size: Sizes) -> Iterator[list[str]]:
@@ -144,13 +150,20 @@ def _families(size: Sizes) -> Iterator[list[str]]:
 
 def _widths() -> Iterator[str]:
     yield "[pattern.width]"
-    yield toml_line("rule", "constant", "equally wide members; graded, stressed: wider where the stress is larger")
+    yield toml_line(
+        "rule",
+        "constant",
+        "constant: equally wide members; graded and stressed: members are wider where the stress is larger",
+    )
     yield toml_line("solid_fraction", SHARE, "share of the surface that stays material")
 
 
 def _thickening(surface: Surface) -> Iterator[list[str]]:
     if is_figure(surface):  # the solid is thin at the sharp bends of sculptures
-        yield ["[thickening]", toml_line("thinnest", 0.05, "smallest accepted share of the thickness at sharp bends")]
+        yield [
+            "[thickening]",
+            toml_line("thinnest", 0.05, "smallest accepted thickness at sharp bends, as a share of the full thickness"),
+        ]
 
 
 def _description(surface: Surface, plan: ProposedValues) -> str:

@@ -54,7 +54,7 @@ class MemberFaces:
 
 
 def drawn_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of all bars and plates; in a plan without bars, of all members."""
+    """Return the faces to draw: of all bars and plates, or of all members if the plan has no bars."""
     assert plan.graph is not None
     if plan.bars:
         return bar_faces(plan, palette)
@@ -102,7 +102,7 @@ def _plank_quads(member: Member, piece: float, thickness: float, depth: float) -
 
 
 def faces_by_member(faces: list[MemberFaces], plan: WorkshopPlan) -> list[MemberFaces]:
-    """Merge the faces of all bars of a member; leave out the plates at nodes."""
+    """Return the faces of each member: the faces of all bars of the member, without plates at nodes."""
     member = {part.id: part.member for part in plan.parts}
     faces_of: dict[str, list[MemberFaces]] = {}
     for face in faces:
@@ -146,7 +146,7 @@ class FaceList:
 def painted_faces(
     faces: list[MemberFaces], view: Axonometry, colours: dict[str, tuple[float, float, float]]
 ) -> FaceList:
-    """Return all faces in drawing order, the farthest first. colours : for some members, by name."""
+    """Return all faces in drawing order, the farthest first. colours : new colours of some members, by name."""
     quads = np.concatenate([face.quads for face in faces])
     tints = np.concatenate([np.tile(colours.get(face.id, face.colour), (len(face.quads), 1)) for face in faces])
     n = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])

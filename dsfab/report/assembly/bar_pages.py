@@ -16,17 +16,20 @@ from dsfab.workshop import BAR_CLEARANCE, FlatPart, PlateArm, WorkshopPlan, bar_
 ROWS, COLUMNS = 58, 2  # Rows and columns of bars on a page.
 
 BAR_RULE = (
-    "Assemble the bars from the supports upwards, in the order of the heights of their middles. Before you lift the "
+    "Assemble the bars from the supports upwards, in the order of the heights of the middles of the bars. Before you "
+    "lift the "
     "first bar of a plate, bolt the plate beneath this bar. Use the arm of the plate that has the bar's name. Prop "
     "every bar that nothing holds yet, until its neighbours are bolted."
 )
 """Rule for the order of `bar_steps`, printed for the builders."""
 BARS_UNCHECKED = (
-    "whether bolts, plates and folds hold: dsfab judged the design as one sheet, but joints with one plate can bend",
+    "whether bolts, plates and folds are strong enough: dsfab checked the design as one sheet, but joints with one "
+    "plate can bend",
     "whether the unfinished structure stands at each stage, and which props and scaffolding it needs",
-    "how far bars and plates can be twisted; the radius of folds, and the length that a sheet gains by folding",
-    "effects of moisture, grain and knots; distances of bolts from edges and ends (see the material's standard)",
-    "bearings: the parts that hold the structure at its supports",
+    "how far bars and plates can be twisted; the radius of folds, and how much longer a plate becomes by folding",
+    "effects of moisture, grain and knots; required distances of bolts from edges and ends (see the material's "
+    "standard)",
+    "the bearings, which hold the structure at its supports",
 )
 """Risks of bars that dsfab does not check, for the last page of the book."""
 
@@ -63,22 +66,23 @@ def bar_pages(plan: WorkshopPlan) -> list[PartsPage]:
 BAR_TABLE_HEADS = ("bar", "from", "to", "length", "along", "dip", "along", "dip", "twist", "bow")
 BAR_TABLE_PLACES = (0.0, 20.0, 46.0, 92.0, 107.0, 120.0, 136.0, 149.0, 164.0, 178.0)
 BAR_TABLE_NOTE = (
-    "Length: cut length of the bar, millimetres. At the first and the second node: 'along' is the bar's direction, in "
-    "degrees from the plate's first arm, counter-clockwise as seen from outside; 'dip' is its angle below the plate. "
-    "Twist: degrees from end to end, right-handed. Bow: largest distance from the bar to the curved axis, millimetres."
+    "'Length' is the cut length of the bar in millimetres. At the first and the second node, 'along' is the bar's "
+    "direction, in "
+    "degrees from the plate's first arm, counter-clockwise as seen from outside; 'dip' is the bar's angle below the "
+    "plate. 'Twist' is the rotation between both ends in degrees, right-handed. 'Bow' is the largest distance from "
+    "the bar to the curved axis in millimetres."
 )
 
 
 def bar_row(row: Sequence[str | int | float]) -> list[str]:
-    """Return a row of `bar_table` as texts."""
+    """Return a row of the table `bar_table`, with each value as text."""
     name, start_node, end_node, _, bar_length, _, *angles, bow, _ = row
     angle_words = [f"{angle:z.1f}°" for angle in angles]
     return [str(name), str(start_node), str(end_node), f"{bar_length:,.1f}", *angle_words, f"{bow:.1f}"]
 
 
 def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return steps of assembly, lowest bars first.
-    up : (3,) unit vector."""
+    """Return steps of assembly, lowest bars first. up : (3,) unit vector."""
     assert plan.bars is not None
     net = plan.bars.bar_lattice
     heights = np.array([float(bar.points.mean(axis=0) @ up) for bar in net.bars])
@@ -100,7 +104,7 @@ def joint_pages(plan: WorkshopPlan) -> list[PartsPage]:
     pages = list[PartsPage]()
     for words, group in (
         ("How a node is put together", [joint for joint in joints if not joint.leg]),
-        ("How a node stands on the ground", [joint for joint in joints if joint.leg]),
+        ("How a node is supported on the ground", [joint for joint in joints if joint.leg]),
     ):
         if group:
             name = max(group, key=lambda joint: len(joint.bars)).node.id
@@ -173,9 +177,10 @@ def _arm_table(paper: Paper, box: PaperBox, arms: Sequence[PlateArm]) -> None:
         for place, words in zip(places[1:], (*turned, holes), strict=True):
             paper.text((x + place, y), words, 8, side="right")
     note = (
-        "Millimetres from the middle of the hole at the node; degrees from the first arm, counter-clockwise. Fold at "
-        "the lines FOLD, away from you where the angle is positive. Their places assume that the plate's middle plane "
-        "folds sharply, so allow for the radius of your tool. The number engraved on each arm is its fold."
+        "Lengths are millimetres from the middle of the hole at the node; directions are degrees from the first arm, "
+        "counter-clockwise. Fold the plate at the lines FOLD, away from you where the angle is positive. The places "
+        "of these lines assume a sharp fold of the plate's middle plane, so allow for the radius of your tool. The "
+        "angle of each fold is engraved on the arm."
     )
     for k, line in enumerate(paper.wrapped_lines(note, box.wide, 7.5)):
         paper.text((x, y - 8 - 3.4 * k), line, 7.5, QUIET)
@@ -203,7 +208,7 @@ def _side_view(paper: Paper, box: PaperBox, plan: WorkshopPlan, arm: PlateArm, b
     points = np.concatenate(shown)
     scale, scale_name = usual_scale(min(np.array([box.wide - 4, box.high - 16]) / np.ptp(points, axis=0)))
     fitted = DrawingTransform.fit_to_box(points.min(axis=0), points.max(axis=0), box, scale)
-    words = f"Bar {arm.bar} on its arm" if arm.bar in bars else "The plate's leg on the ground"
+    words = f"Bar {arm.bar} on its arm" if arm.bar in bars else "The leg of a plate, which stands on the ground"
     paper.text((box.x, box.y + box.high + 2), f"{words}, from the side, {scale_name}", 9)
     paper.polylines([fitted.to_paper(line) for line in shown], INK, 0.7, closed=True)
     for r in arm.holes:

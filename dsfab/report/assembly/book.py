@@ -34,11 +34,13 @@ from dsfab.workshop import WorkshopPlan
 BookPage = tuple[str, Callable[[Paper], None]]
 
 LAYERS_UNCHECKED = (
-    "whether bolts and splices hold, and whether layers slide on each other: dsfab judged the design as one sheet",
-    "the statics of the structure during assembly, and of props and scaffolding",
+    "whether bolts and splices are strong enough, and whether layers slide on each other: dsfab checked the design as "
+    "one sheet",
+    "the strength of the structure during assembly, and of props and scaffolding",
     "springback and creep of bent layers",
-    "effects of moisture, grain and knots; distances of bolts from edges and ends (see the material's standard)",
-    "bearings: the parts that hold the structure at its supports",
+    "effects of moisture, grain and knots; required distances of bolts from edges and ends (see the material's "
+    "standard)",
+    "the bearings, which hold the structure at its supports",
 )
 """Risks of bent layers that dsfab does not check, for the last page of `assembly.pdf`."""
 
@@ -119,7 +121,10 @@ def _key_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
     else:
         layers = [("Thickness of a layer", length(plan.thickness))]
         layers += [("Layers where two members cross", str(preset.workshop.layers))]
-        joints = ("Nodes and splices with bolts", f"{len(bolts)}, bolts of {length(preset.workshop.bolt)}")
+        joints = (
+            "Nodes and splices that are joined with bolts",
+            f"{len(bolts)}, bolts of {length(preset.workshop.bolt)}",
+        )
     members, total_length = {part.member for part in plan.parts}, sum(member.length for member in graph.members)
     statics = preset.statics
     return [
@@ -136,12 +141,14 @@ def _key_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
 
 
 PLANKS_UNCHECKED = (
-    "whether slotted planks, splices and glue hold: dsfab judged one continuous sheet, not upright planks",
+    "whether slotted planks, splices and glue are strong enough: dsfab checked one continuous sheet, not upright "
+    "planks",
     "whether the unfinished structure stands at each stage, and which props and scaffolding it needs",
     "inner corners of slots: a round cutter leaves its radius there; cut the corners square by hand, or over-cut them",
     "the stress in twisted planks, and how far they spring back",
-    "effects of moisture, grain and knots; distances of bolts from edges and ends (see the material's standard)",
-    "bearings: the parts that hold the structure at its supports",
+    "effects of moisture, grain and knots; required distances of bolts from edges and ends (see the material's "
+    "standard)",
+    "the bearings, which hold the structure at its supports",
 )
 """Risks of upright planks that dsfab does not check, for the last page of the assembly book."""
 

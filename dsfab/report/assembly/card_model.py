@@ -11,31 +11,36 @@ from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, DrawingTransform
 from dsfab.workshop import FlatPart, WorkshopPlan
 
 MODEL_UNCHECKED = (
-    "whether the model stands without glue; dsfab judged the material of the structure, not card",
-    "how wide your laser cuts: slots are 0.2 mm wider than tabs, so first cut one slot and one tab as a trial",
+    "whether the model stands without glue; dsfab checked the material of the full structure, not card",
+    "the width of your laser's cut: slots are 0.2 mm wider than tabs, so first cut one slot and one tab as a trial",
     "the direction of the card's grain: long strips bend more evenly along the grain",
-    "members of one layer that overlap, as at a crown: trim them with a knife",
+    "overlaps of members in one layer, as at a crown: trim these members with a knife",
 )
 """Risks of a card model that dsfab does not check, for the last page of `assembly.pdf`."""
 PANEL_STEPS = (
     (
         "Sort",
-        "The name of a panel is engraved on it: B07.3 is the third panel of B07, counted from its beginning. The pages "
-        "of families show in which order members cross.",
+        "Each panel has an engraved name: B07.3 is the third panel of member B07, counted from the beginning of the "
+        "member. The pages of each family show in which order members cross.",
     ),
-    ("Bend", "Pull panels over the edge of a table, engraved face up, until they stay curved about as much as needed."),
+    (
+        "Bend",
+        "Pull panels over the edge of a table, engraved face up, until the panels keep about the curvature of "
+        "the structure.",
+    ),
     (
         "Build from the base",
-        "First glue the members that lie along the ground to the engraved lines. Then put the ends that stand on the "
-        "ground into the slots with their names.",
+        "First glue the members that lie along the ground onto the engraved lines. Then put each end that stands on "
+        "the ground into the slot with the name of its part.",
     ),
     (
         "Then from the edges",
         "Build edges and kept material around supports and loads first, then family A. Glue the panels of a member end "
-        "to end, with the tab of each panel beneath the next panel. Then put family B between these members: its "
-        "panels end at short marks on their edges, with tabs beneath them. Put a drop of glue on each tab.",
+        "to end, with the tab of each panel beneath the next panel. Then put the members of family B between the "
+        "members of family A. The panels of family B end at short marks on the edges of family A, with tabs beneath "
+        "these edges. Put a drop of glue on each tab.",
     ),
-    ("Plates", "Glue each plate beneath the ends of its members, with its middle between these ends."),
+    ("Plates", "Glue each plate beneath the ends of its members, with the middle of the plate between these ends."),
 )
 """Steps for a model of panels, after cutting: title and instruction."""
 
@@ -50,7 +55,11 @@ def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
     pins = {hole.bolt for part in plan.parts for hole in part.holes}
     longest = max(plan.parts, key=lambda part: part.size[0])
     layering = plan.layering
-    joints = [("Nodes and splices with pins", f"{len(pins)}, holes of {length(layering.bolt)}")] if layering else []
+    joints = (
+        [("Nodes and splices that are joined with pins", f"{len(pins)}, holes of {length(layering.bolt)}")]
+        if layering
+        else []
+    )
     return [
         ("Model", f"1:{plan.model:g}"),
         ("Size over all", " x ".join(f"{x:.0f}" for x in size) + " mm"),
@@ -89,8 +98,9 @@ def _model_page(plan: WorkshopPlan) -> Callable[[Paper], None]:
 def _model_steps(plan: WorkshopPlan) -> Iterator[tuple[str, str]]:
     yield (
         "Cut",
-        f"Send sheet_1 and those after it (DXF or SVG, millimetres) to the laser, on card of {length(plan.thickness)}. "
-        "In this order: ENGRAVE (green) at low power, then HOLES (blue) and SLOTS (magenta), CUT (red) last. STOCK "
+        f"Send the files sheet_1, sheet_2 and so on (DXF or SVG, millimetres) to the laser, on card of "
+        f"{length(plan.thickness)}. Use this order of layers: ENGRAVE (green) at low power, HOLES (blue) and SLOTS "
+        f"(magenta), then CUT (red). STOCK "
         "(grey) is the edge of the sheet and is not cut. Names are on the outer face.",
     )
     if plan.layering is None:
@@ -100,13 +110,18 @@ def _model_steps(plan: WorkshopPlan) -> Iterator[tuple[str, str]]:
     pins = length(plan.layering.bolt)
     yield (
         "Sort",
-        "The name of a part is engraved on it: A01.2 is the second piece of A01, A01.c1 the cover of its first splice. "
-        "Beside each hole is the name of its node: holes with the same name belong together.",
+        "Each part has an engraved name: A01.2 is the second piece of member A01, and A01.c1 is the cover of its "
+        "first splice. Beside each hole is the name of its node: holes with the same name belong together.",
     )
-    yield ("Bend", "Pull strips over the edge of a table, engraved face up, until they stay curved about as needed.")
+    yield (
+        "Bend",
+        "Pull strips over the edge of a table, engraved face up, until the strips keep about the curvature "
+        "of the structure.",
+    )
     yield (
         "Splice",
-        "Glue the pieces of a strip end to end. Glue a cover across each splice: outside for family A, else inside.",
+        "Glue the pieces of a strip end to end. Glue a cover across each splice: on the outside for family A, and on "
+        "the inside for all other members.",
     )
     names = {part.member for part in plan.parts if part.member}
     yield (
@@ -151,6 +166,6 @@ def _base_plate_drawing(paper: Paper, plates: list[FlatPart]) -> None:
             paper.polylines([fitted.to_paper(slot) for slot in part.slots], INK, 0.5, closed=True)
         paper.polylines([fitted.to_paper(part.outline)], INK, 0.7, closed=True)
     names = ", ".join(part.id for part in plates[:6])
-    words = f"{names}, {scale_name}: slots with the names of the parts that stand in them"
+    words = f"{names}, {scale_name}: slots, with the names of the parts that stand in the slots"
     paper.text((room.x, PAGE.y + PAGE.high - 6), words, 8)
     paper.polylines([np.array([[room.x - 6, PAGE.y], [room.x - 6, PAGE.y + PAGE.high]])], HAIR, 0.4)

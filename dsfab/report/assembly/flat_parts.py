@@ -14,19 +14,19 @@ from dsfab.workshop import FlatPart, NestedSheet, WorkshopPlan, money, node_tabl
 
 ACROSS, DOWN = 4, 13  # Columns and rows of parts on a page.
 ROWS, COLUMNS = 62, 3  # Rows and columns of nodes on a page.
-LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0  # smallest scales (mm per metre) of legible names: on structures, on models
+LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0  # smallest scales (mm per m) with legible names, of structures and models
 PartsPage = tuple[str, Callable[[Paper], None]]
 
 
 def sheet_figures(plan: WorkshopPlan, name: str = "Sheets") -> list[tuple[str, str]]:
-    """Return pairs of title and text about the sheets: number, size, used share and price."""
+    """Return pairs of title and text about the sheets of stock: number, size, used fraction of the area, and price."""
     cost = stock_cost(plan.sheets)
     priced = [("Price of the sheets", money(cost))] if cost else []
     return [(name, f"{stock_words(plan.sheets)}, {plan.used_share:.0%} used"), *priced]
 
 
 def cut_list_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return pages with all different parts."""
+    """Return pages with a drawing of each different part."""
     pages = []
     per_page = ACROSS * DOWN
     for k in range(0, len(plan.equal_parts), per_page):
@@ -148,8 +148,8 @@ def table_pages(
     places: Sequence[float],
     note: str,
 ) -> list[PartsPage]:
-    """Return pages of a table. size : rows of a block, and blocks of a page.
-    places : distances of the columns from the left edge of a block, mm."""
+    """Return the pages of a table in blocks side by side. size : rows per block, and blocks per page.
+    heads : titles of the columns.    places : distances of the columns from the left edge of a block, mm."""
     down, columns = size
 
     def draw(paper: Paper, page_rows: Sequence[Sequence[str]]) -> None:
@@ -174,20 +174,22 @@ ROW = 24.0  # Height of each member's row on a page of members, mm.
 NAMES = 44.0  # Width of a member's name to the left of the member, mm.
 APART = 2.1  # Least distance between the names of two nodes, mm.
 SPLICED_NOTE = (
-    "Above each line: the member that crosses. Below it: distance from the beginning along the middle surface, mm. "
-    "Red: splices. For distances on a layer see its drawing."
+    "Above each line is the name of the crossing member. Below the line is the distance from the member's beginning "
+    "along the middle surface, mm. Red lines are splices. For distances on a layer see the drawing of that layer."
 )
 BARS_NOTE = (
-    "Above each line: the member that crosses. Below it: distance from the beginning along the curved axis, mm. Red: "
-    "the number of each bar, 3 for A07.3. For lengths of bars see their drawings."
+    "Above each line is the name of the crossing member. Below the line is the distance from the member's beginning "
+    "along the curved axis, mm. Red: the number of each bar, such as 3 for A07.3. For lengths of bars see the "
+    "drawings of the bars."
 )
 PLANKS_NOTE = (
-    "Above each line: the member that crosses. Below it: distance from the beginning along the axis, mm. Red: splices. "
+    "Above each line is the name of the crossing member. Below the line is the distance from the member's beginning "
+    "along the axis, mm. Red lines are splices. "
     "A slot open above receives the crossing plank. A plank with a slot open below is put onto the crossing plank."
 )
 PANELS_NOTE = (
-    "Above each line: the member that crosses. Below it: distance from the member's beginning in the model, mm. Red: "
-    "where panels begin, at the edge of an uninterrupted member or at a splice."
+    "Above each line is the name of the crossing member. Below the line is the distance from the member's beginning "
+    "in the model, mm. Red lines show where panels begin, at the edge of an uninterrupted member or at a splice."
 )
 FAMILY_TITLES = {"major": "Family A", "minor": "Family B", "rim": "Edges", "keep": "Around supports and loads"}
 PER_PAGE = int(PAGE.high // ROW)

@@ -20,8 +20,8 @@ from dsfab.workshop import FlatPart, WorkshopPlan, bar_table, file_stem, refolde
 
 
 def colour_scales(plan: WorkshopPlan, names: list[str], judged_design: Design | None) -> list[dict[str, Any]]:
-    """Return quantities that colour members: name, unit, and a value or None for each member.
-    judged_design : design with utilisation and forces, or None.
+    """Return the colour scales of the page. A scale has a name, a unit, and a value or None for each member.
+    names : names of the members.    judged_design : design with utilisation and forces, or None.
     Raises StaticsError for a design without a strength, or if nothing carries the loads."""
     assert plan.graph is not None
     members = plan.graph.by_id
@@ -56,10 +56,10 @@ def _colour_scale(name: str, unit: str, values: dict[str, float], names: list[st
 
 
 def key_figures(design: Design, judged: bool) -> list[tuple[str, str]]:
-    """Return names and values of the key figures of a structure."""
+    """Return names and values of a structure's key figures. judged : True to add the member with most utilisation."""
     statics, box = design.preset.statics, np.ptp(design.surface.V, axis=0)
     sheet = design.sheet.surface
-    mass = sheet.area * statics.thickness * statics.density  # approximate, because the exact solid takes longer
+    mass = sheet.area * statics.thickness * statics.density  # approximate, because making the solid takes long
     figures = [
         ("size", " x ".join(length(float(side)) for side in box)),
         ("mass", f"{mass:,.0f} kg" if mass >= 100 else f"{mass:.3g} kg"),
@@ -74,8 +74,8 @@ def key_figures(design: Design, judged: bool) -> list[tuple[str, str]]:
 
 
 def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> str:
-    """Return the page as one HTML file; the plan must have members.
-    judged : True for a page for clients."""
+    """Return the text of the interactive page, an HTML file. The plan must have members.
+    judged : True for a page for clients, with utilisation and without links to drawings."""
     assert plan.graph is not None
     preset, graph = design.preset, plan.graph
     load = design.load if design.has("statics") else None
@@ -124,8 +124,9 @@ def _bar_words(plan: WorkshopPlan) -> dict[str, str]:
     for row in bar_table(plan).rows:
         name, start_node, end_node, _, bar_length, bar_width, _, dip, _, end_dip, twist, bow, _ = row
         words_by_name[str(name)] = (
-            f"{bar_length:,.1f} x {bar_width:.1f} mm, from {start_node} ({dip:z.1f} degrees below the node's plate) to "
-            f"{end_node} ({end_dip:z.1f} degrees); turned by {twist:z.1f} degrees; {bow:.1f} mm from the curved axis"
+            f"{bar_length:,.1f} x {bar_width:.1f} mm, from {start_node} ({dip:z.1f} degrees below the plate of the "
+            f"node) to {end_node} ({end_dip:z.1f} degrees); twisted by {twist:z.1f} degrees; at most {bow:.1f} mm "
+            f"from the curved axis"
         )
     bars = plan.bars.bar_lattice.bars
     for joint in plan.bars.bar_lattice.joints:

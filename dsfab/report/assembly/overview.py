@@ -1,4 +1,4 @@
-"""Pages of the book that show the structure."""
+"""Pages of the assembly book that show the structure."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ GRID_PER_MM = 8.0  # Grid cells per millimetre of paper; `place_names` moves nam
 def draw_cover(
     paper: Paper, faces: list[MemberFaces], up: Floats, figures: list[tuple[str, str]], notes: list[str]
 ) -> None:
-    """Draw the structure with key figures. up : (3,) unit vector."""
+    """Draw the cover page: structure, key figures, notes. up : (3,) unit vector. figures : names and values."""
     wide = 128.0
     drawing = PaperBox(PAGE.x, PAGE.y, PAGE.wide - wide - 10, PAGE.high)
     draw_structure(paper, faces, Axonometry.from_angles(up), drawing, {})
@@ -52,7 +52,7 @@ def draw_structure(
     colours: dict[str, tuple[float, float, float]],
     extent: Floats | None = None,
 ) -> DrawingTransform:
-    """Draw members into a box of the page; return the map from view to paper.
+    """Draw members into a box of the page; return the map from metres of the view to millimetres of paper.
     colours : colours of some members, by name.    extent : (k, 2) points that the box must show, m, or None."""
     faces_in_order = painted_faces(faces, view, colours)
     extent = faces_in_order.corners.reshape(-1, 2) if extent is None else extent
@@ -93,7 +93,8 @@ def _name_places(face: MemberFaces, view: Axonometry, fitted: DrawingTransform) 
 def refolded_pages(
     plan: WorkshopPlan, faces: list[MemberFaces], up: Floats
 ) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Return a page of flat parts bent back into space. up : (3,) unit vector."""
+    """Return title and drawing function of a page with flat parts bent into their final shape; [] without bent parts.
+    up : (3,) unit vector, upwards."""
     parts_in_space = refolded_plan(plan)
     if not parts_in_space.strips:
         return []
@@ -103,11 +104,13 @@ def refolded_pages(
         MemberFaces(strip.id, colours[strip.member], strip_quads(strip, piece, plan.planks is not None))
         for strip in parts_in_space.strips
     ]
-    caption = f"{len(parts)} flat parts, bent back into space with the lengths from the drawings."
+    caption = (
+        f"The picture shows {len(parts)} flat parts, bent into their final shape with the lengths from the drawings."
+    )
     if len(parts_in_space.deviations):
         number, gap = len(parts_in_space.deviations), MM_PER_M * parts_in_space.deviations.max()
         away = f"are up to {gap:.2g} mm away from"
-        holes = f" {number} holes at nodes {away} the axis of the node's bolt."
+        holes = f" {number} holes at nodes {away} the axis of the bolt."
         slots = f" At {count_phrase(number, 'node')}, the slots of two planks {away} each other."
         caption += slots if plan.planks else holes
     plates = len(plan.parts) - len(parts)
@@ -116,7 +119,7 @@ def refolded_pages(
 
 
 def piece_length(faces: list[MemberFaces]) -> float:
-    """Return the length of straight pieces in the drawing of a curved part, metres."""
+    """Return the length (m) of the straight pieces that approximate a curved part in a drawing."""
     corners = np.concatenate([face.quads.reshape(-1, 3) for face in faces])
     return float(np.linalg.norm(np.ptp(corners, axis=0))) / DRAWN_PIECES
 
@@ -156,16 +159,16 @@ def _refolded_page(
 STEP_PICTURES = 12  # Approximate number of steps, each with a picture.
 
 LAYER_RULE = (
-    "Assemble each layer before the layer above it: at every node the upper member is bolted on the lower member. "
-    "Within a layer, assemble members by the height of their lowest points, lowest first; at equal height, by name. "
-    "If no bolt holds a member yet, prop it until the next layer is bolted on."
+    "Assemble each layer before the layer above it: at every node, bolt the upper member onto the lower member. "
+    "Within a layer, assemble members in the order of the heights of their lowest points; order members of equal "
+    "height by name. If no bolt holds a member yet, prop the member until the next layer is bolted on."
 )
 """Rule for the order of `assembly_steps`, printed for the builders."""
 
 
 @dataclass(frozen=True)
 class AssemblyStep:
-    """A step of assembly: members to add. layer : number of layers above these members."""
+    """A step of assembly. members : names of members to add. layer : number of layers above these members."""
 
     layer: int
     members: tuple[str, ...]
@@ -187,7 +190,7 @@ FAMILY_WORDS = {"major": "family A", "minor": "family B", "rim": "edges", "keep"
 
 
 def plank_rule(plan: WorkshopPlan) -> str:
-    """Return `PLANK_RULE` for the plan's families."""
+    """Return `PLANK_RULE` with the names of the plan's families of members inserted."""
     assert plan.graph is not None
     assert plan.planks is not None
     families = {member.family for member in plan.graph.members if is_strip(member)}
@@ -238,7 +241,8 @@ STANDING_COLOUR = (0.82, 0.81, 0.79)  # Colour of members that earlier steps hav
 def step_pages(
     steps: tuple[AssemblyStep, ...], faces: list[MemberFaces], up: Floats, rule: str
 ) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Return pages with a picture of each step. up : (3,) unit vector.    rule : text on the pages."""
+    """Return title and drawing function of each page. A page has a picture of each of its assembly steps.
+    up : (3,) unit vector, upwards.    rule : text on the pages."""
     pages, per_page = [], ACROSS * DOWN
     for k in range(0, len(steps), per_page):
         title = f"Assembly: steps {k + 1} to {min(k + per_page, len(steps))} of {len(steps)}"
@@ -273,7 +277,7 @@ def _draw_step(
     cell: PaperBox,
     view_and_extent: tuple[Axonometry, Floats],
 ) -> None:
-    (view, extent), count = view_and_extent, 3  # count of lines below a picture
+    (view, extent), count = view_and_extent, 3  # text lines below a picture
     added = set(steps[k].members)
     standing = {name for step in steps[:k] for name in step.members} - added
     visible = [face for face in faces if face.id in added or face.id in standing]

@@ -27,7 +27,7 @@ INK, QUIET, HAIR, RED = _ink("text"), _ink("quiet"), _ink("hair"), _ink("bad")
 
 @dataclass(frozen=True)
 class PaperBox:
-    """A box on a page, millimetres."""
+    """A rectangle on a page. x, y : lower left corner, mm. wide, high : size, mm."""
 
     x: float
     y: float
@@ -35,7 +35,8 @@ class PaperBox:
     high: float
 
     def cells(self, across: int, down: int, gap: float = 0.0) -> "list[PaperBox]":
-        """Return boxes that fill this box, row by row from the upper left. gap : millimetres."""
+        """Divide this box into columns and rows; return the cells row by row from the upper left.
+        across, down : number of columns and rows.    gap : distance between cells, mm."""
         w, h = (self.wide - gap * (across - 1)) / across, (self.high - gap * (down - 1)) / down
         tops = [self.y + self.high - h - k * (h + gap) for k in range(down)]
         return [PaperBox(self.x + k * (w + gap), y, w, h) for y in tops for k in range(across)]
@@ -53,18 +54,19 @@ class DrawingTransform:
 
     @classmethod
     def fit_to_box(cls, low: Floats, high: Floats, box: PaperBox, scale: float = 0.0) -> "DrawingTransform":
-        """Centre a drawing with corners `low` and `high` (2,), metres, in a box; scale 0 fills the box."""
+        """Return the map that centres a drawing in a box.
+        low, high : (2,) corners of the drawing, m.    scale : mm of paper per metre; 0 fills the box."""
         size = np.maximum(high - low, 1e-9)
         scale = scale or float(min(box.wide / size[0], box.high / size[1]))
         return cls(scale, np.array([box.x + box.wide / 2, box.y + box.high / 2]) - scale * (low + high) / 2)
 
     def to_paper(self, points: Floats) -> Floats:
-        """Return points (..., 2) in millimetres of paper."""
+        """Convert points (..., 2) from metres of the drawing to millimetres of paper."""
         return np.asarray(points * self.scale + self.shift)
 
 
 def usual_scale(largest: float) -> tuple[float, str]:
-    """Return the largest usual scale (mm per metre) up to `largest`, and its name, such as "1:20"."""
+    """Return the largest usual scale (mm of paper per metre) that is at most `largest`, and its name, as "1:20"."""
     least = 1000 / largest
     power = 10.0 ** np.floor(np.log10(least) - 1)
     step = next(float(f"{k * power * 10**j:.6g}") for j in range(3) for k in SCALE_STEPS if k * power * 10**j >= least)
@@ -86,14 +88,14 @@ class Paper:
         side: Literal["left", "middle", "right"] = "left",
         bold: bool = False,
     ) -> None:
-        """Write a line of text, size in points; `side` is the part of the line at `place`."""
+        """Write a line of text. size : points. side : part of the line at `place` (mm), such as "left"."""
         self.canvas.setFont(self.fonts[bold], size)
         self.canvas.setFillColorRGB(*colour)
         draw = {"left": "drawString", "middle": "drawCentredString", "right": "drawRightString"}[side]
         getattr(self.canvas, draw)(float(place[0]) * MM, float(place[1]) * MM, words)
 
     def upright_text(self, place: tuple[float, float], words: str, size: float, colour: Colour = INK) -> None:
-        """Write a line of text upwards from a place."""
+        """Write a line of text vertically, upwards from `place` (mm). size : points."""
         self.canvas.saveState()
         self.canvas.translate(place[0] * MM + size * 0.35, place[1] * MM)  # half of a letter's height
         self.canvas.rotate(90)
@@ -103,11 +105,11 @@ class Paper:
         self.canvas.restoreState()
 
     def width(self, words: str, size: float, bold: bool = False) -> float:
-        """Return the width of a text, millimetres."""
+        """Return the width of a text, mm. size : points."""
         return float(self.canvas.stringWidth(words, self.fonts[bold], size)) / MM
 
     def wrapped_lines(self, words: str, width: float, size: float) -> list[str]:
-        """Break a text into lines of at most `width`, millimetres."""
+        """Break a text into lines of at most `width`, mm. size : points."""
         from reportlab.lib.utils import simpleSplit
 
         return list(simpleSplit(words, self.fonts[0], size, width * MM))
@@ -138,14 +140,14 @@ class Paper:
         self.canvas.drawPath(path, stroke=0, fill=1)
 
     def circles(self, places: Floats, diameter: float, colour: Colour) -> None:
-        """Draw circles with centres at places (k, 2), millimetres."""
+        """Draw circles with centres at `places` (k, 2), mm. diameter : mm."""
         self.canvas.setStrokeColorRGB(*colour)
         self.canvas.setLineWidth(0.3)
         for x, y in (places * MM).tolist():
             self.canvas.circle(x, y, diameter / 2 * MM)
 
     def faces(self, faces: FaceList, fitted: DrawingTransform) -> None:
-        """Draw faces. fitted : map from metres to paper."""
+        """Draw filled quadrilaterals with outlines. fitted : map from metres to millimetres of paper."""
         P = (fitted.to_paper(faces.corners) * MM).reshape(-1, 8)
         dark = 0.55 * faces.colours
         rows = np.concatenate([faces.colours, P, dark, P[:, :4], P[:, 4:]], axis=1)

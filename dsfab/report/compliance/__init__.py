@@ -30,7 +30,7 @@ __all__ = ["FILES", "Findings", "compliance_document", "write_report"]
 
 
 def compliance_document(findings: Findings, rows: Sequence[Mapping[str, Any]], pictures: FindingsPictures) -> Document:
-    """Return the compliance report. rows : rows of `results.json`."""
+    """Return the compliance report. rows : rows of `results.json`, each with the results of a structure."""
     from dsfab.preset.file import preset_toml
 
     preset, library_versions = findings.task.preset, versions()
@@ -46,12 +46,12 @@ def compliance_document(findings: Findings, rows: Sequence[Mapping[str, Any]], p
     subject = preset.name.replace("_", " ").capitalize()
     if findings.share is not None:
         subject += f", at {findings.share:.0%} of the material"
-    footer = f"Made by dsfab {library_versions['dsfab']}; this report does not prove safety under a code"
+    footer = f"Made by dsfab {library_versions['dsfab']}; this report does not prove safety under a building code"
     return Document("Structural compliance report", subject, facts, document_sections, footer)
 
 
 def write_report(findings: Findings, rows: Sequence[Mapping[str, Any]], folder: Path) -> tuple[list[str], list[str]]:
-    """Write report.html and report.pdf; return their names, and a sentence for each failure."""
+    """Write report.html and report.pdf; return the file names, and a sentence for each file that failed."""
     pictures = FindingsPictures(findings)
     document = compliance_document(findings, rows, pictures)
     files, messages = write_document(document, folder)
@@ -62,7 +62,7 @@ def write_results(
     preset: "Preset", comparisons: "Sequence[tuple[float | None, Comparison]]", command: str, folder: Path
 ) -> str:
     """Write results.csv and results.json; return the text of results.json.
-    comparisons : pairs of a share of material, or None, and a comparison."""
+    comparisons : pairs (share, comparison). share : share of material if widths were scaled, or None."""
     from dsfab.preset.file import preset_toml
 
     rows = [{"volume": share, **row} for share, a in comparisons for row in a.record()["competitors"]]
@@ -105,7 +105,8 @@ def _cell(value: Any) -> Any:
 
 
 def summary_document(rows: Sequence[Mapping[str, Any]], against: Sequence[str], folder: Path) -> Document:
-    """Return the summary of designs. against : names of competitors."""
+    """Return the summary of several designs. rows : results, a row for each design.
+    against : names of the competing structures in the table.    folder : folder of the summary."""
     compared = [row for row in rows if not row["error"]]
     blocks: list[Block] = [Paragraph(_verdict_counts(rows), "lead")]
     if compared:
@@ -116,7 +117,7 @@ def summary_document(rows: Sequence[Mapping[str, Any]], against: Sequence[str], 
         caption = "<b>Table 2.</b> Designs that were not compared, or do not carry their loads."
         blocks.append(Table(caption, ("Design", "Why"), reasons, 2, "", (1, 5)))
     facts = [("Designs", str(len(rows))), ("Checked by", f"dsfab {versions()['dsfab']}")]
-    footer = "The reports do not prove safety under a code; each report lists its assumptions"
+    footer = "The reports do not prove safety under a building code; each report lists its assumptions"
     return Document("Structural compliance", "Several designs", facts, [ReportSection("Summary", blocks)], footer)
 
 
@@ -146,7 +147,8 @@ def _table(compared: Sequence[Mapping[str, Any]], against: Sequence[str], folder
     head = ("Design", "Verdict", "Mass", "Kept", "Compliance", "/ whole sheet", *(LABELS[x] for x in against), "s")
     note = (
         "Columns of competitors: stiffness of the design divided by that of the competitor, at the same mass. Below 1 "
-        "the design is softer. A verdict states whether the compliance is known, not whether the design is good."
+        "the design is softer. The verdict states whether the computed compliance is reliable, not whether the design "
+        "is good."
     )
     widths = (2.4, 1, 1.1, 1, 2, 1, *([1.2] * len(against)), 0.6)
     return Table("<b>Table 1.</b> Compliance, and competitors of the same mass.", head, rows, 1, note, widths)

@@ -46,18 +46,18 @@ STYLES: Mapping[str, tuple[str, str, str]] = {
 
 NAMES = {
     "design": "this design",
-    "isotropic": "isotropic, best pair of modes",
+    "isotropic": "isotropic stripes, from the best pair of modes",
     "rotated": "rotated by 45°, best pair",
     "thinner": "whole sheet, thinner",
     "von_mises": "von Mises stripes",
     "grid": "straight grid",
-    "simp": "SIMP, cut along a level line",
+    "simp": "SIMP topology optimisation, cut along a level line",
 }
 
 
 def write_chart(rows: Sequence[ResultRow], title: str, path: Path, names: Mapping[str, str] = NAMES) -> None:
     """Write the chart of compliance against mass as `path` with the suffixes .svg and .png.
-    rows : results for several shares of material.    names : label of each competitor."""
+    rows : results for several shares of material.    names : label of each competing structure."""
     import matplotlib as mpl
 
     settings: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "dsfab", "font.size": 10}
@@ -68,7 +68,7 @@ def write_chart(rows: Sequence[ResultRow], title: str, path: Path, names: Mappin
 
 
 def chart_figure(rows: Sequence[ResultRow], title: str, names: Mapping[str, str] = NAMES) -> "Figure":
-    """Return the chart as a figure of matplotlib."""
+    """Return the chart of compliance against mass as a figure of matplotlib."""
     from matplotlib.figure import Figure
 
     many = len({row["name"] for row in rows}) > 6  # a long legend would hide lines of the chart
@@ -127,7 +127,7 @@ FONT: dict[Any, Any] = {"font.family": ["Helvetica", "Arial", "Liberation Sans",
 
 
 def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[str, ChartImage]:
-    """Return the charts of compliances, `bars` and `volumes`."""
+    """Return charts of the compliances: `bars` compares structures, `volumes` plots compliance against mass."""
     images: dict[str, ChartImage] = {}
     with lettering():
         if findings.compared.rivals:
@@ -144,7 +144,7 @@ def lettering(**settings_of_chart: Any) -> Iterator[None]:
 
     import matplotlib as mpl
 
-    # no warning of a missing font, because the next font of the list replaces it
+    # hide warnings of missing fonts: matplotlib uses the list's next font
     logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
     settings: dict[Any, Any] = {**FONT, **settings_of_chart}
     with mpl.rc_context(settings):
@@ -191,7 +191,7 @@ TEXT = 174 / 25.4 * 72  # Width of the text of a report, points.
 
 
 class FindingsPictures:
-    """Pictures of findings. Every method returns a figure.
+    """Pictures of a design that was compared. Every method returns a figure of a report.
     width in all methods : width of the picture, divided by the width of the report's text."""
 
     def __init__(self, findings: Findings) -> None:
@@ -217,7 +217,7 @@ class FindingsPictures:
         return self._figure(caption, width, SIZE, sheet.V, sheet.F, task.surface, task.statics.load)
 
     def all_material(self, caption: str, width: float) -> ReportFigure:
-        """Draw all material of the pattern; loose parts are red."""
+        """Draw all material of the pattern. Parts that reach no support are red."""
         structure, task = self.findings.structure, self.findings.task
         family = np.where(kept_cells(structure.material, structure.sheet), -1, 0)
         red, material = replace(WHITE, families=(RED,)), structure.material.surface
@@ -225,7 +225,8 @@ class FindingsPictures:
         return self._figure(caption, width, SIZE, material.V, material.F, task.surface, load, red, family)
 
     def case(self, name: str, caption: str, width: float, side_by_side: bool = False) -> ReportFigure:
-        """Draw the uncut surface with loads and supports of a case. side_by_side : True for two pictures in a row."""
+        """Draw the uncut surface with the loads and supports of the load case `name`.
+        side_by_side : True for two pictures in a row."""
         surface = self.findings.task.surface
         load = self.findings.task.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)
@@ -233,9 +234,9 @@ class FindingsPictures:
         return self._figure(caption, width, SMALL, surface.V, surface.F, surface, load, palette, letters=letters)
 
     def stress(self, answered: AnsweredLoad, caption: str) -> ReportFigure:
-        """Draw the largest von Mises stress in each face of the cut sheet."""
+        """Draw the cut sheet, coloured by the largest von Mises stress in each face."""
         sheet, value = self.findings.structure.sheet.surface, answered.stress.largest
-        limit = quantile(value, sheet.areas, 0.98) or 1.0  # peaks at corners (2 % of the area) do not count
+        limit = quantile(value, sheet.areas, 0.98) or 1.0  # leaves out peaks at corners, 2 % of the area
         return self.band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
     def displacement(self, answered: AnsweredLoad, limit: float, caption: str) -> ReportFigure:
@@ -251,7 +252,7 @@ class FindingsPictures:
     def band_figure(
         self, caption: str, V: Floats, F: Ints, value: Floats, limit: float, unit: str, quantity_name: str
     ) -> ReportFigure:
-        """Return a picture of a mesh with values (m,) of its faces in bands of colour."""
+        """Return a picture of a mesh with faces coloured in bands by their values (m,). limit : top of the scale."""
         step = round_number_above(limit / BANDS)
         count = max(2, math.ceil(limit / step - 1e-9))
         bands = band_colours(count)
@@ -296,7 +297,8 @@ def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0)
 
 
 def without_empty_rows(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:
-    """Return a picture (height, width, 3) without empty rows at top and bottom."""
+    """Return a picture (height, width, 3) with fewer empty rows. paper : colour of empty rows.
+    margin : number of empty rows that remain at the top and at the bottom."""
     marked_rows = np.flatnonzero((np.abs(pixels.astype(np.int16) - np.array(paper)).max(axis=2) > 6).any(axis=1))
     if not len(marked_rows):
         return pixels

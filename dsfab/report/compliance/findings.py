@@ -1,4 +1,4 @@
-"""Findings of a comparison: status of a design with reasons."""
+"""Findings of a comparison: the status of a design, with reasons."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,14 +25,14 @@ PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "
 
 
 def prefixed_unit(size: float, unit: str) -> tuple[float, str]:
-    """Return divisor and unit that shorten a value: 12e3 and 'N' give (1e3, 'kN')."""
+    """Return a divisor and a unit with an SI prefix for a value: 12e3 and 'N' give (1e3, 'kN')."""
     size = abs(size)
     factor, prefix = next(((f, p) for f, p in PREFIXES if size >= 0.9995 * f), (1.0, "") if not size else PREFIXES[-1])
     return factor, prefix + unit
 
 
 def quantity(value: float | None, unit: str, digits: int = 3) -> str:
-    """Return a value as text, '12.3 kN'; 'n/a' for None or an infinite value."""
+    """Return a value with its unit as text, such as '12.3 kN'; 'n/a' for None or an infinite value."""
     if value is None or not math.isfinite(value):
         return "n/a"
     factor, name = prefixed_unit(value, unit)
@@ -40,7 +40,7 @@ def quantity(value: float | None, unit: str, digits: int = 3) -> str:
 
 
 def significant_digits(value: float, digits: int = 3) -> str:
-    """Return a number without an exponent: '0.0123', '12.3', '12 300'."""
+    """Return a number as text with `digits` significant digits and no exponent: '0.0123', '12.3', '12 300'."""
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else "n/a"
     value = float(f"{value:.{digits - 1}e}")  # rounding may add a digit: 9.996 becomes 10.0
@@ -58,12 +58,12 @@ def within(value: float, bound: float | None, unit: str) -> str:
 
 
 def share_words(part: float) -> str:
-    """Return a share in percent: 0.413 gives '41.3 %'."""
+    """Return a fraction as percent with one decimal: 0.413 gives '41.3 %'."""
     return f"{100 * part:.1f} %"
 
 
 def percent(share: float) -> str:
-    """Return a share in percent with few digits: '1.8 %', '12 %'."""
+    """Return a fraction as percent with about two digits: 0.018 gives '1.8 %', 0.12 gives '12 %'."""
     return f"{100 * share:.2g} %" if abs(share) < 0.1 else f"{100 * share:.0f} %"
 
 
@@ -83,12 +83,12 @@ def length_or_na(metres: float | None) -> str:
 
 
 def enumeration(words: Sequence[str]) -> str:
-    """Return a list in words: 'a, b and c'."""
+    """Join words to a list in a sentence: 'a, b and c'."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def round_number_above(value: float) -> float:
-    """Return a round number above a value: 1, 2, 2.5 or 5 times a power of ten."""
+    """Return the least round number that is not below a value: 1, 2, 2.5 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(value))
     return float(next(power * step for step in (1.0, 2.0, 2.5, 5.0, 10.0) if power * step >= value * (1 - 1e-9)))
 
@@ -101,7 +101,7 @@ LABELS = {
     "isotropic": "Isotropic stripes",
     "rotated": "Stripes turned by 45°",
     "thinner": "Whole sheet, thinner",
-    "von_mises": "Stripes from the von Mises stress",
+    "von_mises": "Stripes along the von Mises stress",
     "grid": "Straight grid",
     "simp": "Topology optimisation (SIMP)",
 }
@@ -110,7 +110,7 @@ LABELS = {
 
 @dataclass(frozen=True)
 class CheckLine:
-    """A row in the table of checks of a report."""
+    """A row in a report's table of checks. result : measured value in words. limit : required value in words."""
 
     name: str
     status: Mark
@@ -121,8 +121,8 @@ class CheckLine:
 @dataclass(frozen=True, eq=False)
 class Findings:
     """Comparison of a design with other structures of the same mass (competitors).
-    If `carries` is False, there is no `judgement`, and there are no `fields`.
-    volumes : pairs of a share of material and a further comparison.
+    A design that does not carry its loads (`carries` is False) has no `judgement` and no `fields`.
+    volumes : pairs of a share of material and the comparison at this share.
     share   : share of material if widths were scaled, or None."""
 
     compared: Comparison
@@ -132,17 +132,17 @@ class Findings:
 
     @property
     def task(self) -> ComparisonTask:
-        """Surface, loads and supports."""
+        """The task of all compared structures: surface, loads and supports."""
         return self.compared.task
 
     @property
     def design(self) -> Competitor:
-        """The design, as a compared structure."""
+        """The design, in the form of a competitor."""
         return self.compared.design
 
     @property
     def carries(self) -> bool:
-        """True if the design carries the loads on which its pattern is based."""
+        """True if the design is in equilibrium under the loads from which its pattern was computed."""
         return self.design.judgement is not None
 
     @property
@@ -152,29 +152,29 @@ class Findings:
 
     @property
     def reference_compliance(self) -> float:
-        """Reference for the unit of compliances in the report, J."""
+        """Compliance (J) that sets the unit prefix of all compliances in the report."""
         return self.design.compliance if self.carries else self.compared.full.compliance
 
     @property
     def judgement(self) -> Judgement:
-        """Compliance of the design, responses to loads, and verdict on accuracy."""
+        """Compliance of the design, its responses to the loads, and a verdict on the accuracy."""
         assert self.design.judgement is not None
         return self.design.judgement
 
     @property
     def structure(self) -> Structure:
-        """Cut sheet of the design, and all cells of the cut."""
+        """The design's cut sheet, and all mesh cells of the cut surface."""
         assert self.design.structure is not None
         return self.design.structure
 
     @property
     def fields(self) -> Mapping[str, AnsweredLoad]:
-        """Displacements and stresses by load name."""
+        """Displacements and stresses of the design, by name of the load case."""
         return self.judgement.solved
 
     @cached_property
     def cut_load_sums(self) -> Mapping[str, Floats]:
-        """Sum of forces (3,), N, on the cut sheet by case; empty if a load acts on no material."""
+        """Sum of the forces (3,), N, on the cut sheet, by load case; empty if a load acts on no material."""
         if not self.carries:
             return {}
         task, structure = self.task, self.structure
@@ -186,7 +186,7 @@ class Findings:
 
     @cached_property
     def cases(self) -> list[str]:
-        """Names of the judged load cases, the governing case first."""
+        """Names of the load cases in which the design was checked, the governing case first."""
         if not self.carries:
             return list(self.task.loads)
         if self.judgement.check:
@@ -195,7 +195,7 @@ class Findings:
 
     @property
     def is_plane(self) -> bool:
-        """True if a flat sheet is loaded in its plane."""
+        """True if the surface is flat and all loads act in its plane."""
         return flat_axis(self.task.surface, *self.task.all_loads.values()) is not None
 
     @property
@@ -204,7 +204,7 @@ class Findings:
         return self.judgement.cases[self.cases[0]]
 
     def decisive_case(self, answer: str) -> tuple[str, CaseResponse]:
-        """Return name and response of the worst case for `displacement`, `stress` or `buckling`."""
+        """Return name and response of the worst load case. answer : 'displacement', 'stress' or 'buckling'."""
         state: LimitState = "SLS" if answer == "displacement" else "ULS"
         return max(
             ((name, self.judgement.cases[name]) for name in self.task.preset.judged_in(state, self.judgement.cases)),
@@ -212,7 +212,7 @@ class Findings:
         )
 
     def cases_shown(self, names: Iterable[str]) -> list[str]:
-        """Return the `names` of cases to draw."""
+        """Return the load cases of `names` to draw. Standard combinations are drawn only if they decide a result."""
         standard_names = {combination.name for combination in self.task.preset.surface.standard_sums}
         decisive_names = set[str]()
         if self.carries:
@@ -223,7 +223,7 @@ class Findings:
         return f", {escaped_text(self.decisive_case(answer)[0])}" if len(self.judgement.cases) > 1 else ""
 
     def stiffness_ratio(self, rival: Competitor) -> tuple[float, float, float]:
-        """Return the design's stiffness / a competitor's at equal mass: lower bound, estimate, upper bound."""
+        """Return stiffness of the design / stiffness of the competitor: lower bound, estimate, upper bound."""
         assert rival.judgement is not None
         rival_bound, design_bound = rival.judgement.bound or 0.0, self.judgement.bound or 0.0
         middle = rival.compliance / self.design.compliance
@@ -236,7 +236,7 @@ class Findings:
 
     @cached_property
     def checks(self) -> list[CheckLine]:
-        """Checks of the design."""
+        """Rows of the table with all checks of the design."""
         if not self.carries:
             reason = f"no: {self.design.error}"
             return [CheckLine("Carries its loads", "fail", reason, "equilibrium with its supports")]
@@ -247,12 +247,14 @@ class Findings:
 
     def _support_check(self) -> CheckLine:
         loose = self.design.loose
-        loose_words = f"; {percent(loose)} of the pattern has no support and was left out" if loose > 1e-6 else ""
+        loose_words = f"; {percent(loose)} of the material has no support and was left out" if loose > 1e-6 else ""
         words = f"{self.design.pieces} {'piece' if self.design.pieces == 1 else 'pieces'} of material{loose_words}"
         status: Status = "pass"
         if self.judgement.verdict == "fail":
             status, words = "fail", self.judgement.reason
-        return CheckLine("Every load reaches a support", status, words, "all loads act on material with a support")
+        return CheckLine(
+            "Every load reaches a support", status, words, "all loads act on material that is connected to a support"
+        )
 
     def _compliance_check(self) -> CheckLine:
         check = self.judgement.check
@@ -266,11 +268,11 @@ class Findings:
         if theory is None:
             return None
         mark: Mark = "pass" if theory <= CONVERGED else "note"
-        words = f"the solid is up to {percent(theory)} softer than the thin shell"
+        words = f"by theory, the solid is up to {percent(theory)} softer than the thin shell"
         return CheckLine("Within thin-shell theory", mark, words, percent(CONVERGED))
 
     def balance_check(self) -> CheckLine:
-        """Check that reactions balance the loads."""
+        """Return the check that reactions balance the loads."""
         cases = self.judgement.cases.values()
         imbalance, residual = max(case.imbalance for case in cases), max(case.residual for case in cases)
         if self.judgement.check:
@@ -285,9 +287,12 @@ class Findings:
             return None
         least = estimates.LEAST_EDGES_PER_MEMBER
         mark: Mark = "pass"
-        words = f"members are {check.per_member:.2g} edges of the uncut mesh wide, on average"
+        words = f"the mean width of members is {check.per_member:.2g} edges of the uncut mesh"
         if check.per_member < least:
-            mark, words = "note", words + "; the outline is coarse, and the checks are for this coarse outline"
+            mark, words = (
+                "note",
+                words + "; so the outline of members is coarse, and all checks are for this coarse outline",
+            )
         return CheckLine("Outline of the members", mark, words, f"{least:g} or more")
 
     def facet_check(self) -> CheckLine | None:
@@ -306,8 +311,8 @@ class Findings:
         usual_share, interior_share = max(share[0] for share in shares), max(share[1] for share in shares)
         status: Status = "fail" if usual_share > 1 else "pass" if interior_share <= 1 else "unknown"
         words = (
-            f"the stress is {usual_share:.0%} of the strength on 99 % of the area, and {interior_share:.0%} at points "
-            f"more than a rib's width from corners{self._case_suffix('stress')}"
+            f"the stress is at most {usual_share:.0%} of the strength on 99 % of the area, and at most "
+            f"{interior_share:.0%} at points more than a rib's width from corners{self._case_suffix('stress')}"
         )
         strength = quantity(self.task.preset.statics.strength, "Pa")
         return CheckLine("Stress against the strength", status, words, strength)
@@ -322,7 +327,10 @@ class Findings:
         status: Status = "fail" if high < 1 else "pass" if low >= SAFE_BUCKLING_FACTOR else "unknown"
         local = f"; {case.local}" if case.local else ""
         suffix = self._case_suffix("buckling") + self._solid_suffix(1.0) + local + self._assumption_suffix()
-        words = f"{value_with_bound(factor, bound)} times the load (linear, perfect shape){suffix}"
+        words = (
+            f"the sheet buckles at {value_with_bound(factor, bound)} times the load (linear theory, perfect "
+            f"shape){suffix}"
+        )
         return CheckLine("Buckling", status, words, f"{SAFE_BUCKLING_FACTOR:g} or more")
 
     def _frequency_line(self) -> CheckLine | None:
@@ -343,13 +351,13 @@ class Findings:
 
     @cached_property
     def claims(self) -> list[CheckLine]:
-        """Checks whether the design is stiffer than each competitor."""
+        """For each competitor, the check that the design is stiffer."""
         return [self._claim(rival) for rival in self.compared.rivals]
 
     def _claim(self, rival: Competitor) -> CheckLine:
         name = f"Stiffer than: {LABELS[rival.name].lower().replace('simp', 'SIMP').replace('von mises', 'von Mises')}"
         if rival.judgement and not self.carries:
-            return CheckLine(name, "fail", "this competitor carries the loads, the design does not", "above 1")
+            return CheckLine(name, "fail", "this competitor carries the loads, but the design does not", "above 1")
         if rival.judgement is None:
             return CheckLine(name, "unknown", f"none was found: {rival.error.split('; the first: ')[0]}", "above 1")
         low, middle, high = self.stiffness_ratio(rival)
@@ -358,7 +366,7 @@ class Findings:
 
     @property
     def size_words(self) -> str:
-        """Mass, share of the surface, and thickness, as text."""
+        """Text with mass, share of the surface that is material, and thickness."""
         share, thickness = share_words(self.design.area_fraction), length_or_na(self.design.thickness)
         return f"{mass(self.design.mass)}, {share} of the surface, {thickness} thick"
 

@@ -50,7 +50,7 @@ def summary_section(findings: Findings, pictures: FindingsPictures, number: Capt
 
 
 def checks_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
-    """Return tables of all checks with their verdicts."""
+    """Return a section with tables of all checks and their verdicts."""
     blocks: list[Block] = [tables.checks_table(findings.checks, number, "The structure itself.")]
     if findings.claims:
         blocks.append(tables.checks_table(findings.claims, number, "Stiffness against structures of the same mass."))
@@ -65,7 +65,7 @@ def checks_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
 
 
 def structure_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
-    """Return tables of structure, material and pattern."""
+    """Return a section with tables of the structure, its material and its pattern."""
     blocks: list[Block] = [tables.structure_table(findings, number)]
     if findings.compared.pattern is not None:
         blocks.append(tables.pattern_table(findings.compared.pattern, number))
@@ -73,7 +73,7 @@ def structure_section(findings: Findings, number: CaptionNumbers) -> ReportSecti
 
 
 def loads_section(findings: Findings, pictures: FindingsPictures, number: CaptionNumbers) -> ReportSection:
-    """Return tables of loads and supports, and a picture for each case."""
+    """Return a section with tables of loads and supports, and a picture for each load case."""
     names = findings.cases_shown(tables.ordered_cases(findings))
     several = len(names) > 1
     figures = []
@@ -90,8 +90,10 @@ def convergence_section(findings: Findings, number: CaptionNumbers) -> ReportSec
     """Return a section with the compliance on finer and finer meshes."""
     levels = tables.levels_table(findings, number)
     if levels is None:
-        words = "The compliance is from one solve on the mesh of the cut sheet; "
-        words += f"the compliance errs by at most {percent(estimates.QUICK_ERRORS[1])} for nine designs in ten. "
+        words = "The compliance comes from one solve on the mesh of the cut sheet; "
+        words += (
+            f"for nine designs in ten, the error of this compliance is at most {percent(estimates.QUICK_ERRORS[1])}. "
+        )
         words += "To see the convergence on finer meshes, use <code>--level full</code>."
         return ReportSection("Compliance", [Paragraph(words), tables.cases_table(findings, number)])
     check = findings.judgement.check
@@ -113,7 +115,8 @@ def convergence_section(findings: Findings, number: CaptionNumbers) -> ReportSec
 def comparison_section(
     findings: Findings, number: CaptionNumbers, charts: Mapping[str, tuple[bytes, tuple[int, int]]]
 ) -> ReportSection:
-    """Return the comparison with structures of equal mass. charts : pictures, and sizes in pixels, by name."""
+    """Return the section that compares the design with structures of equal mass.
+    charts : PNG files, and their sizes in pixels, by name."""
     blocks: list[Block] = [Paragraph(text) for text in comparison_sentences(findings)]
     blocks.append(tables.rivals_table(findings, number))
     blocks += [
@@ -128,20 +131,23 @@ def comparison_section(
         spread = rival.spread
         least, mean, worst = (significant_digits(x / full) for x in (spread.best, spread.mean, spread.worst))
         words = (
-            f"{LABELS[rival.name]}: {spread.carried} of {spread.tried} variants carry the loads. Solved once each, "
-            f"they have {least} to {worst} times the compliance of the whole sheet, on average {mean} times. The "
+            f"{LABELS[rival.name]}: {spread.carried} of {spread.tried} variants carry the loads. By one solve each, "
+            f"these variants have {least} to {worst} times the compliance of the whole sheet, on average {mean} "
+            f"times. The "
             "table shows the stiffest variant."
         )
         blocks.append(Paragraph(words, "quiet"))
     if "bars" in charts:
-        caption = number.figure("Compliance of structures of the same mass; thin lines are bounds.")
+        caption = number.figure("Compliance of structures of the same mass; thin lines are error bounds.")
         blocks.append(ReportFigure(caption, *charts["bars"], 0.92))
     if findings.volumes:
         if words := thinner_sheet_words(findings):
             blocks.append(Paragraph(words))
         blocks.append(tables.volumes_table(findings, number))
     if "volumes" in charts:
-        caption = number.figure("Compliance against mass; the widths of the design are scaled.")
+        caption = number.figure(
+            "Compliance against mass; for each mass, the widths of members in the design are scaled."
+        )
         blocks.append(ReportFigure(caption, *charts["volumes"], 0.92))
     return ReportSection("Other structures of the same mass", blocks)
 
@@ -162,13 +168,14 @@ def displacement_and_stress_section(
     stress_figure = pictures.stress(
         findings.fields[stressed_case],
         number.figure(
-            f"von Mises stress{under[stressed_case]}: the largest of the values at top, middle and bottom. On 99 % "
+            f"von Mises stress{under[stressed_case]}: the largest of the values at the top, middle and bottom of the "
+            f"sheet. On 99 % "
             f"of the area of the finest mesh it is at most {quantity(stressed_answer.stress.quantile, 'Pa')}."
         ),
     )
     words = Paragraph(
-        f"The two pictures below are of one solve on the mesh of the cut sheet, by {elements_of('displacement')} "
-        "elements. The table has the stress of the finest mesh.",
+        f"The two pictures below show the results of one solve on the mesh of the cut sheet, by "
+        f"{elements_of('displacement')} elements. The table shows the stress on the finest mesh.",
         "quiet",
     )
     blocks: list[Block] = [words, moved_figure, stress_figure, tables.stress_table(findings, number)]
@@ -176,7 +183,7 @@ def displacement_and_stress_section(
 
 
 def reactions_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
-    """Return the reactions of each support in each case."""
+    """Return a section with the reactions of each support, in a table for each load case."""
     names = findings.cases_shown(findings.cases)
     return ReportSection("Reactions and balance", [tables.reactions_table(findings, name, number) for name in names])
 
@@ -192,27 +199,28 @@ def scope_sections(findings: Findings) -> list[ReportSection]:
         f"{'cut' if preset.pattern.rounds else 'uncut'} sheet.",
         "Supports are rigid unless they are springs. They resist pulling as well as pushing.",
         "Snow, wind, pressure and cladding on openings are transferred by a covering to the nearest material along the "
-        "surface, with the same sum and moment. A load without a covering acts on the members alone. A concentrated "
-        "load on an opening acts on the nearest material, and is distributed there.",
-        "The middle surface is smooth: new points of finer meshes lie on a smooth surface through the vertices.",
-        "All competitors have the same mass to 0.1 %, and the same loads, supports and kept regions. But SIMP has "
-        "other discs around loads and supports, and no rim. Only the thinner sheet has a different thickness.",
+        "surface, with the same total force and moment. A load without a covering acts on the members alone. A "
+        "concentrated load on an opening acts on the nearest material, distributed over a small area.",
+        "The middle surface counts as smooth: new points of finer meshes lie on a smooth surface through the vertices.",
+        "All competitors have the mass of the design to 0.1 %, and the same loads, supports and kept regions. But the "
+        "SIMP structure has other discs of material around loads and supports, and no rim. Only the thinner sheet has "
+        "a different thickness.",
     ]
     if statics.law == "stvk":
         assumed[0] = "Material law of St. Venant and Kirchhoff, linearised; small displacements."
     cases = list(findings.judgement.cases.values()) if findings.carries else []
     if any(case.frequency for case in cases):
         snow = f", and {percent(statics.snow_mass)} of the snow" if statics.snow_mass else ""
-        assumed.append(f"The mass of the sheet and of permanent loads vibrates{snow}.")
+        assumed.append(f"The vibrating mass is that of the sheet and of permanent loads{snow}.")
     missing = [
-        "Strength: the preset gives no strength, so dsfab does not judge the stress." if not statics.strength else "",
+        "Strength: the preset gives no strength, so dsfab does not check the stress." if not statics.strength else "",
         ""
         if any(case.buckling for case in cases)
         else "Buckling: not requested (<code>--buckling</code>), but thin ribs in compression may buckle.",
         "" if any(case.frequency for case in cases) else "Vibration: not requested (<code>--frequency</code>).",
         "Effects of imperfections, cracks, fatigue, creep, temperature, shrinkage, moisture, fire and corrosion.",
         "Connections, joints between parts, bearings, foundations, assembly and erection.",
-        "Partial factors and load combinations of a building code, unless the preset has them.",
+        "Partial factors and load combinations of a building code, unless the preset defines these factors.",
         "Orthotropy, as of timber and of printed layers: the results hold only for isotropic material.",
         "The finished part, and the file for its production (<code>dsfab check</code> measures the file).",
     ]
@@ -227,7 +235,7 @@ def scope_sections(findings: Findings) -> list[ReportSection]:
 
 
 def calibration_section() -> ReportSection:
-    """Return a section on tests of the compliance's error bound."""
+    """Return a section on tests of the error bound of compliances."""
     rows = calibration.shipped_table()
     result, kinds = calibration.summary(rows), len({row.kind for row in rows})
     text = (
@@ -246,9 +254,9 @@ def calibration_section() -> ReportSection:
 def reproduction_section(
     command: str, versions: Mapping[str, str], preset: str, number: CaptionNumbers
 ) -> ReportSection:
-    """Return a section on how to repeat the report. preset : text of the preset."""
+    """Return a section with the command, the versions and the preset (as text) that repeat the report."""
     blocks: Sequence[Block] = [
-        Paragraph("This command made the report, with the preset below and these versions:"),
+        Paragraph("This command made the report, with the preset below and these versions of programs:"),
         Code(command),
         tables.versions_table(versions, number),
         Paragraph("The complete preset, with all default values:"),
@@ -315,10 +323,10 @@ def _advice(findings: Findings) -> str:
     words = "A design without equilibrium has no compliance, displacement or stress. "
     if carrying:
         shares = enumeration([f"{share:.0%}" for share in carrying])
-        return words + f"With scaled widths the design carries its loads at {shares} of the material."
+        return words + f"With scaled widths of members, the design carries its loads at {shares} of the material."
     return words + (
         "More material (wider stripes, lower thresholds), a rim, or kept regions around loads and supports may connect "
-        "the loads to the supports. Other phases, modes or frequencies may help, too."
+        "the loads to the supports. Other phases, modes or frequencies of the stripes may help, too."
     )
 
 

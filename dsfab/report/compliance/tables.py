@@ -43,7 +43,7 @@ def key_table(findings: Findings, number: CaptionNumbers) -> Table:
     several = len(findings.cases) > 1
     move_case, stress_case = (f", {escaped_text(name)}" * several for name in (moving_case, stressed_case))
     settled = quantity(stressed.stress.settled, "Pa")  # At corners the largest stress diverges.
-    stress_words = f"on 99 % of the area; {settled} at points more than a rib's width from corners{stress_case}"
+    stress_words = f"on 99 % of the area; at most {settled} at points more than a rib's width from corners{stress_case}"
     move_words = f"at {point_words(moving.displacement.place)}{move_case}"
     compliance = within(findings.judgement.compliance, findings.judgement.bound, "J")
     rows = [
@@ -76,7 +76,12 @@ def structure_table(findings: Findings, number: CaptionNumbers) -> Table:
         *([("Material", statics.material_words)] if statics.material else []),
         ("Young's modulus; Poisson's ratio", f"{quantity(statics.young, 'Pa')}; {statics.poisson:g}"),
         ("Density", f"{statics.density:g} kg/m³"),
-        ("Strength", quantity(statics.strength, "Pa") if statics.strength else "the preset has none; no verdict"),
+        (
+            "Strength",
+            quantity(statics.strength, "Pa")
+            if statics.strength
+            else "the preset gives no strength, so there is no verdict",
+        ),
         (
             "Mesh of the surface",
             f"{_thousands(task.surface.n)} vertices, edges of {length_or_na(task.surface.mean_edge)}",
@@ -88,12 +93,12 @@ def structure_table(findings: Findings, number: CaptionNumbers) -> Table:
 
 
 def pattern_table(quality: PatternQuality, number: CaptionNumbers) -> Table:
-    """Return a table of spacing, dead ends and directions of the members."""
+    """Return a table of the pattern's quality: spacing, dead ends and directions of the members."""
     titled = zip(quality.titles, quality.families, strict=True)
     families = [(title, family) for title, (_, family) in titled if family.drawn]
     rows = [
         ("Distance between members, median", *(length_or_na(family.spacing[1]) for _, family in families)),
-        ("Clear opening, on 90 % of the open area", *(_opening_range(family) for _, family in families)),
+        ("Clear width of openings, on 90 % of the open area", *(_opening_range(family) for _, family in families)),
         ("Widest / narrowest distance (P95 / P5)", *(f"{family.evenness:.2f}" for _, family in families)),
         ("Dead ends", *(str(family.dead) for _, family in families)),
         ("Openings narrower than the members beside them", *(str(family.slits) for _, family in families)),
@@ -159,7 +164,7 @@ def _uncut_note(sums: Mapping[str, Floats], uncut: Mapping[str, Floats]) -> str:
     ]
     if not larger:
         return ""
-    return f"The uncut sheet has larger loads, from self-weight or from loads without a covering: {', '.join(larger)}."
+    return f"Loads of the uncut sheet that are larger, from self-weight or without a covering: {', '.join(larger)}."
 
 
 def ordered_cases(findings: Findings) -> list[str]:
@@ -168,7 +173,7 @@ def ordered_cases(findings: Findings) -> list[str]:
 
 
 def acting_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return a table of the loads and supports of the preset."""
+    """Return a table of the preset's loads and supports, with their settings."""
     surface = findings.task.preset.surface
     rows = [(x.name or "Load", x.case, x.kind.replace("_", " "), _settings_words(x)) for x in surface.load]
     rows += [
@@ -228,7 +233,7 @@ def _value_words(value: Any) -> str:
 
 
 def levels_table(findings: Findings, number: CaptionNumbers) -> Table | None:
-    """Return a table of results on each mesh; None after a quick check."""
+    """Return a table of results on each finer mesh; None after a quick check, which uses a single mesh."""
     check, name = findings.judgement.check, findings.cases[0]
     if check is None:
         return None
@@ -283,9 +288,11 @@ def cases_table(findings: Findings, number: CaptionNumbers) -> Table:
             )
         )
     head = ("Load case", "Compliance", "Verdict", "Moves at most", "von Mises", "Tension", "Compression")
-    note = "Stress: the value that 99 % of the area does not exceed, at top, middle and bottom of the sheet."
+    note = (
+        "The table shows the stress that 99 % of the area does not exceed, at the top, middle and bottom of the sheet."
+    )
     widths = (1.6, 2.4, 1.1, 1.4, 1.4, 1.4, 1.6)
-    return Table(number.table("Load cases, the governing one first."), head, rows, 1, note, widths)
+    return Table(number.table("Load cases; the governing load case is first."), head, rows, 1, note, widths)
 
 
 def stress_table(findings: Findings, number: CaptionNumbers) -> Table:
@@ -302,8 +309,8 @@ def stress_table(findings: Findings, number: CaptionNumbers) -> Table:
     head = ("Stress", "99 % of the area", "Away from corners", "Largest of this mesh", "At")
     note = (
         "At inner corners and at ends of supports the exact stress is infinite, so finer meshes give larger values. "
-        "Use instead the value that 99 % of the area does not exceed, and the largest value away from corners: at more "
-        "than a rib's width from inner corners and ends of supports."
+        "Use instead the value that 99 % of the area does not exceed, and the largest value at more than a rib's "
+        "width from inner corners and ends of supports."
     )
     under = f" under {escaped_text(name)}" if len(findings.cases) > 1 else ""
     caption = f"Stress{under}, on a mesh of {_thousands(case.triangles)} triangles."
@@ -328,7 +335,8 @@ def reactions_table(findings: Findings, name: str, number: CaptionNumbers) -> Ta
     rows = [line(text, force) for text, force in zip(names, case.reactions, strict=True)]
     rows += [line("All supports", reaction_sum), line("Loads", loads)]
     note = (
-        f"Sum of loads and reactions: {case.imbalance:.0e} of the load. Residual of the equations: {case.residual:.0e}."
+        f"Loads and reactions differ by {case.imbalance:.0e} of the load. Relative residual of the equations: "
+        f"{case.residual:.0e}."
     )
     head = ("", *(f"R{axis}, {unit}" for axis in "xyz"), f"H in x and y, {unit}", "Towards, degrees from x")
     caption = f"Reactions{'' if len(findings.cases) == 1 else f', load case {escaped_text(name)}'}."
@@ -336,7 +344,7 @@ def reactions_table(findings: Findings, name: str, number: CaptionNumbers) -> Ta
 
 
 def rivals_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return a table of all competitors."""
+    """Return a table of the design and its competitors: mass, compliance, displacement, stress."""
     rows = [_rival_row(findings, competitor) for competitor in findings.compared.competitors]
     _, unit = prefixed_unit(findings.reference_compliance, "J")
     head = (
@@ -345,9 +353,14 @@ def rivals_table(findings: Findings, number: CaptionNumbers) -> Table:
     )  # fmt: skip
     names = [competitor.name for competitor in findings.compared.competitors]
     levels = {competitor.judgement.level for competitor in findings.compared.competitors if competitor.judgement}
-    note = "Columns with /: ratio of compliances; above 1, the structure is softer. Level full: two or three meshes. "
+    note = (
+        "A column with / shows the ratio of two compliances; above 1, the structure is softer. Level full: solved on "
+        "two or three meshes. "
+    )
     note += (
-        "Level quick: one solve on the cut mesh; error bounds hold in nine cases of ten." if "quick" in levels else ""
+        "Level quick: one solve on the cut mesh; the error bounds hold for nine of ten designs."
+        if "quick" in levels
+        else ""
     )
     return Table(
         number.table("The design and its competitors, with the same loads, supports and kept regions."),
@@ -376,7 +389,7 @@ def _rival_row(findings: Findings, competitor: Competitor) -> tuple[str, ...]:
 
 
 def volumes_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return a table of compliance / compliance of the whole sheet, by structure and share of material."""
+    """Return a table of compliances, divided by that of the whole sheet, by structure and share of material."""
     names = [competitor.name for competitor in findings.volumes[0][1].competitors if competitor.name != "full"]
     rows = []
     for share, compared in findings.volumes:

@@ -15,7 +15,7 @@ from dsfab.study import losing_line
 from dsfab.study.alternatives import Competitor
 
 TITLES = {
-    "pass": "Pass: the structure carries its loads, and its compliance is known",
+    "pass": "Pass: the structure carries its loads, and its compliance is reliable",
     "fail": "Fail",
     "unknown": "Unknown: at least one check has no clear result",
 }
@@ -37,9 +37,9 @@ def verdict_banner(findings: Findings) -> Banner:
     if findings.status == "unknown":
         text = f"{words}. " + " ".join(f"{check.name}: {check.result} (wanted: {check.limit})." for check in missed)
         return Banner("unknown", TITLES["unknown"], text)
-    under = f" under load case {escaped_text(findings.cases[0])}, which governs," if len(findings.cases) > 1 else ""
+    under = f" under the governing load case {escaped_text(findings.cases[0])}" if len(findings.cases) > 1 else ""
     moves = length(findings.governing.displacement.value)
-    text = f"{words}; all loads reach a support; the structure moves{under} by {moves} at most."
+    text = f"{words}; all loads reach a support; the largest displacement{under} is {moves}."
     return Banner("pass", TITLES["pass"], text)
 
 
@@ -54,13 +54,13 @@ def alternative_banners(findings: Findings) -> list[Banner]:
         return [Banner("unknown", title, "The compliances of design and alternative are equal within their errors.")]
     reasons = {
         "thinner": "Openings make sense only for other reasons than stiffness, such as light or air.",
-        "isotropic": "Stripes along the stress, as in this design, bring no stiffness here.",
+        "isotropic": "Stripes along the stress, as in this design, do not make this structure stiffer.",
     }
     return [Banner("fail", title, " ".join(reason for name, reason in reasons.items() if name in certain_names))]
 
 
 def comparison_sentences(findings: Findings) -> list[str]:
-    """Return a sentence for each competitor: how much stiffer or softer the design is."""
+    """Return a sentence for each competitor that compares its stiffness with the design's stiffness."""
     lines = [_rival_sentence(findings, rival) for rival in findings.compared.rivals]
     return lines or ["The design was compared with no other structure."]
 
@@ -83,11 +83,11 @@ def _rival_sentence(findings: Findings, rival: Competitor) -> str:
         return f"{words}."
     if high < 1:
         return f"{words}, so it is <b>softer</b>."
-    return f"{words}; either may be stiffer, within the errors."
+    return f"{words}; within the errors, either structure may be stiffer."
 
 
 def first_reason(error: str) -> str:
-    """Return the first reason in the text of an error."""
+    """Return the part of an error's text before the words '; the first: '."""
     return error.split("; the first: ")[0]
 
 
@@ -101,12 +101,14 @@ def _thinner_sentence(findings: Findings, rival: Competitor) -> str:
             f"({1 / high:.3g} to {1 / low:.3g}). Keeping only {kept_share} of the surface brings no stiffness here. "
             "Openings make sense only for other reasons, such as light, air, or a thin sheet that is not available."
         )
-    verdict = "concentrating the material helps" if low > 1 else "within the error bounds, either may be stiffer"
+    verdict = (
+        "concentrating the material helps" if low > 1 else "within the error bounds, either structure may be stiffer"
+    )
     return f"The design is {range_words(low, middle, high)} times as stiff as {thinner_words}: {verdict}."
 
 
 def thinner_sheet_words(findings: Findings) -> str:
-    """Return words that compare the design with a thinner sheet; '' if not compared."""
+    """Return sentences that compare the design with a thinner sheet at several masses; '' without a comparison."""
     pairs = [
         (f"{share:.0%}", _compliance_range(compared.design), _compliance_range(compared["thinner"]))
         for share, compared in findings.volumes
@@ -124,7 +126,10 @@ def thinner_sheet_words(findings: Findings) -> str:
         lines.append(f"At {where} the design is stiffer than a thinner whole sheet of the same mass.")
     if open_shares:
         shares = enumeration(open_shares)
-        lines.append(f"At {shares} of the material the error bounds of the design and the thinner sheet overlap.")
+        lines.append(
+            f"At {shares} of the material, the error bounds of the design and of the thinner sheet overlap, so either "
+            f"may be stiffer."
+        )
     return " ".join(lines)
 
 

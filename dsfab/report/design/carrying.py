@@ -17,7 +17,7 @@ OPPOSED = 0.1
 
 
 def verdict_line(name: str, carrying: "Carrying") -> str:
-    """Return a line of text: whether the design `name` carries its loads."""
+    """Return a line of text that says if the design `name` carries its loads, with reasons."""
     if carrying.outcome == "not judged":
         return f"{name} is not judged: {'; '.join(carrying.remarks)}"
     if carrying.faults:
@@ -31,7 +31,10 @@ def cure_line(carrying: "Carrying", is_sized: bool = False) -> str:
     if not carrying.faults:
         return ""
     if is_sized:
-        return "no thickness of the stock suffices: add supports (--stand), make the surface higher, or reduce loads"
+        return (
+            "no thickness of the available sheets suffices: add supports (--stand), make the surface higher, or "
+            "reduce loads"
+        )
     return (
         f"make the sheet thicker (--set statics.thickness={1.25 * carrying.thickness:.2g}), keep more material "
         "(--set pattern.width.solid_fraction=...), or change the supports"
@@ -39,7 +42,7 @@ def cure_line(carrying: "Carrying", is_sized: bool = False) -> str:
 
 
 def figure_lines(carrying: "Carrying") -> Iterator[str]:
-    """Yield one line for each result of the cut structure."""
+    """Yield a line of text for each key figure: utilisation, movement, buckling, mass."""
     use, moved = carrying.use, carrying.movement
     several = len({row.case for row in carrying.reactions}) > 1
     if use:
@@ -52,15 +55,21 @@ def figure_lines(carrying: "Carrying") -> Iterator[str]:
         yield f"  movement    {words} ({moved.about}){under}"
     if carrying.buckling is not None:
         under = f", {carrying.buckling_case}" if several else ""
-        yield f"  buckling    at {load_factor(carrying.buckling)} times the load{under}, without imperfections"
+        (
+            yield f"  buckling    at {load_factor(carrying.buckling)} times the load{under}, for a shape without "
+            f"imperfections"
+        )
     yield f"  mass        {mass(carrying.mass)}, {length(carrying.thickness)} thick"
 
 
 def carrying_notes(carrying: "Carrying") -> Iterator[str]:
-    """Yield notes on the results."""
+    """Yield notes on a large movement, and remarks on the results."""
     moved = carrying.movement
     if moved and moved.share > 1 / USUAL_SPAN_SHARE:
-        yield f"the structure moves by 1/{1 / moved.share:.0f} of its span; the usual limit is 1/{USUAL_SPAN_SHARE}"
+        (
+            yield f"the largest displacement is 1/{1 / moved.share:.0f} of the span; the usual limit is "
+            f"1/{USUAL_SPAN_SHARE}"
+        )
     if carrying.outcome != "not judged":
         yield from carrying.remarks
 
@@ -82,7 +91,7 @@ def reaction_lines(reactions: Sequence[Mapping[str, Any]], every: bool = False) 
         return []
     head = ("support pushes", *(("case",) if several else ()), "V up, kN", "H, kN", "H towards")
     lines = table(head, [_reaction_row(row, several) for row in rows]).split("\n")
-    return [*lines, f"and {rest} more supports, in design.json"] if rest else lines
+    return [*lines, f"and {rest} more supports: see design.json"] if rest else lines
 
 
 def _reaction_row(row: Mapping[str, Any], several: bool) -> tuple[str, ...]:

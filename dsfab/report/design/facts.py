@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 def answer_facts(design: Design, case: "CaseResult | StaticsResult") -> dict[str, Any]:
     """Return stress, strain energy and requested results of the uncut sheet under one load, in SI units.
-    Stress and energy may be missing. A list is empty if dsfab could not compute its numbers."""
+    Stress and energy may be missing. A list of results is empty if dsfab could not compute them."""
     answers, questions, areas = case.answers, design.preset.statics.analyses, design.surface.areas
     stress, facts = answers.stress, dict[str, Any](answered_by=str(answers.elements))
     if answers.elements.is_reported:
@@ -62,7 +62,7 @@ def uncut_modes(design: Design) -> ModeIntervals:
 
 
 def mode_facts(design: Design) -> dict[str, Any]:
-    """Return buckling factors and frequency of the uncut sheet; {} if not requested."""
+    """Return buckling factors and lowest frequency of the uncut sheet for `design.json`; {} if not requested."""
     if not design.preset.statics.analyses.modes:
         return {}
     intervals = uncut_modes(design)
@@ -75,7 +75,7 @@ def mode_facts(design: Design) -> dict[str, Any]:
 
 
 def mode_lines(design: Design) -> list[str]:
-    """Return a line on the uncut sheet's buckling factor and frequency; [] if not requested."""
+    """Return a line with the uncut sheet's lowest buckling factor and frequency; [] if not requested."""
     if not design.preset.statics.analyses.modes:
         return []
     intervals, words = uncut_modes(design), []
@@ -114,7 +114,7 @@ def case_facts(design: Design) -> dict[str, Any]:
 
 
 def cut_load_facts(design: Design) -> dict[str, Any]:
-    """Return `load_N`: the load in newtons on the cut sheet, by case; {} if a load meets no material."""
+    """Return `load_N`: the sum of loads (N) on the cut sheet, by load case; {} if a load acts on no material."""
     loads = {name: case.load for name, case in design.statics.cases.items()}
     try:
         on_sheet = loads_on(design.surface, design.sheet, loads)
@@ -124,7 +124,7 @@ def cut_load_facts(design: Design) -> dict[str, Any]:
 
 
 def balance(design: Design, load: "LoadCase", answer: Equilibrium) -> dict[str, Any]:
-    """Return the sums of loads and reactions, and their moments about the origin."""
+    """Return the sums (N) of loads and reactions, their moments (N m) about the origin, and each support's reaction."""
     surface, supports = design.surface, acting_on(design.preset, design.surface).support
     loads, reaction = resultant(surface, load.force), resultant(surface, answer.reaction, answer.torque)
     carried = zip(supports, support_reactions(surface, supports, answer), strict=True)
@@ -155,7 +155,9 @@ def choice_lines(choice: "Choice | None", count: int = 8) -> list[str]:
     rest = choice.candidates[count:]
     refused = [candidate for candidate in choice.candidates if candidate.refused]
     if rest:
-        lines.append(f"and {len(rest)} more; refused candidates: {len(refused)} (design.json has all candidates)")
+        lines.append(
+            f"and {len(rest)} more candidates; refused candidates: {len(refused)} (design.json has all candidates)"
+        )
     return lines
 
 
@@ -199,7 +201,7 @@ def _attempt_facts(attempt: "Attempt") -> dict[str, Any]:
 
 
 def alternative_facts(alternatives: "Sequence[Alternative]") -> dict[str, Any]:
-    """Return `alternatives`, simple structures of equal mass, and `loses_to`, a sentence on stiffer alternatives."""
+    """Return `alternatives`: simple structures of equal mass; and `loses_to`: a sentence on stiffer alternatives."""
     records = [alternative.record() for alternative in alternatives]
     return {"loses_to": losing_line(alternatives), "alternatives": records}
 
@@ -212,11 +214,11 @@ def alternative_lines(facts: Mapping[str, Any]) -> list[str]:
 def _alternative_line(alternative: Mapping[str, Any]) -> str:
     subject = f"{ALTERNATIVE_WORDS[alternative['name']]} of the same mass"
     if alternative.get("error"):
-        return f"not compared with {subject}, because no structure of that kind carries the loads"
+        return f"the design was not compared with {subject}, because no structure of that kind carries the loads"
     over, level = alternative["over"], alternative["level"]
     if over is None:
-        return f"compared with {subject}: the design does not carry its loads ({level})"
-    return f"the design has {over:.3g} times the compliance of {subject} ({level})"
+        return f"compared with {subject}: the design does not carry its loads (level of the checks: {level})"
+    return f"the design has {over:.3g} times the compliance of {subject} (level of the checks: {level})"
 
 
 def choice_facts(choice: "Choice | None") -> dict[str, Any]:
@@ -241,7 +243,8 @@ def _candidate_facts(candidate: "Candidate") -> dict[str, Any]:
 def design_facts(
     design: Design, seconds: dict[str, float], files: list[str], refused: list[str], export_notes: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Return the content of `design.json`. seconds : by stage. files : names. refused : reasons for missing files."""
+    """Return the content of `design.json`. seconds : run time of each stage.    files : names of written files.
+    refused : reasons for missing files."""
     sheet, uncut = design.sheet.surface, design.surface
     return {
         "name": design.preset.name,

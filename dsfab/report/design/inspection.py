@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def load_facts(design: "Design") -> dict[str, Any]:
-    """Return `supports` and `loads` of `design.json`. Raises DsfabError for supports and loads off the surface."""
+    """Return `supports` and `loads` of `design.json`. Raises DsfabError if an entry does not act on the surface."""
     from dsfab.design import acting_on
     from dsfab.statics import load_entries, support_entries
 
@@ -52,7 +52,6 @@ def load_facts(design: "Design") -> dict[str, Any]:
 
 
 def _force_on_cut_sheet(design: "Design", load: "Load") -> "Floats":
-    """Return the sum (3,), N, of a load on the cut sheet."""
     from dsfab.surface import load_parts
 
     surface, sheet = design.surface, design.sheet
@@ -98,7 +97,7 @@ QUANTILES = ("5%", "50%", "95%")
 
 
 def quality_facts(quality: "PatternQuality") -> dict[str, Any]:
-    """Return the quality of a pattern for `design.json`."""
+    """Return the measures of a pattern's quality for `design.json`."""
     titled = zip(quality.titles, quality.families, strict=True)
     families = {name: {"title": title, **_family_facts(family)} for title, (name, family) in titled}
     shared = {"crossing_angle_deg": quality.crossing_angle, "symmetry_error": quality.symmetry_error}
@@ -120,7 +119,7 @@ def _family_facts(quality: "FamilyQuality") -> dict[str, Any]:
 
 
 def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield lines of text on the quality of a pattern."""
+    """Yield lines of text on the quality of a pattern. facts : `pattern` of `design.json`."""
     yield f"pattern: {facts['summary']}"
     for name in ("major", "minor"):
         if not facts[name].get("drawn", True):
@@ -135,13 +134,13 @@ def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
         yield f"{title}: {sizes}{ratio}"
 
 
-SHARES = (0.05, 0.5, 0.95)  # Quantiles in `design.json` of the widths of members, measured at all their edges.
+SHARES = (0.05, 0.5, 0.95)  # Quantiles of members' widths for `design.json`, measured at all edges of members.
 MEASURED_KEY = {"min_member": "smallest_member", "min_gap": "smallest_gap", "min_wall": "thinnest_wall"}
 """Measure in `design.json` for each limit in the section [fabrication] of a preset."""
 
 
 def fabrication_facts(measures: "FabricationMeasures") -> dict[str, Any]:
-    """Return measures and limits of fabrication for `design.json`, metres or None."""
+    """Return measures and limits of fabrication (metres) for `design.json`. A missing measure is None."""
     features, wall = measures.features, measures.wall
     wall_facts = wall and {"m": wall.thickness, "at_m": wall.place.tolist(), "what": "a wall of the solid"}
     return {
@@ -200,12 +199,12 @@ def _check_facts(check: "Check") -> dict[str, Any]:
 
 
 def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield lines of text on the smallest features and the preset's limits."""
+    """Yield lines of text on the smallest features and the preset's limits. facts : `fabrication` of `design.json`."""
     sizes = {name: facts[name] for name in ("smallest_member", "smallest_gap", "thinnest_wall") if facts[name]}
     words = [f"{name.replace('_', ' ')} {length(value['m'])}" for name, value in sizes.items()]
     usual_width = facts["member_widths"]["at_share_of_walls"].get("50%")
     words += [f"members mostly {length(usual_width)}"] if usual_width else []
-    yield ", ".join(words) if words else "no members, gaps or walls to measure"
+    yield ", ".join(words) if words else "the design has no members, gaps or walls to measure"
     yield from _narrow_line(facts)
     if len(facts["pieces"]) > 1:
         for number, piece in enumerate(facts["pieces"], 1):

@@ -35,7 +35,8 @@ MAY_BE_REFUSED = ("step", "stpz", "brep")
 
 
 class SavedDesign(NamedTuple):
-    """Content of `design.json`, messages about the files, and the reasons why formats were refused ('' if none was)."""
+    """Result of `save`. facts : content of `design.json`.    messages : texts on the written files.
+    refused : reasons why formats were not written, or ''."""
 
     facts: Mapping[str, Any]
     messages: tuple[str, ...]
@@ -52,7 +53,7 @@ class _WrittenFiles(NamedTuple):
 
 
 class Announcements(NamedTuple):
-    """Functions that `save` calls: `verdict` with the verdict; `picture` with the folder that holds the pictures."""
+    """Functions that `save` calls. `verdict` receives the verdict; `picture` receives the folder of the pictures."""
 
     verdict: Callable[[Carrying], None] = lambda _: None
     picture: Callable[[Path], None] = lambda _: None
@@ -69,7 +70,7 @@ def save(
     marked: bool = False,
     announce: Announcements = SILENT,
 ) -> SavedDesign:
-    """Write the files of a design into `folder`. Verdict, pictures and quick formats appear together, or none of them.
+    """Write the files of a design into `folder`. Either all pictures and quick formats appear, or none of them.
     STEP and BREP files follow up to a minute later. announce : functions that `save` calls.
     picture : True to write preview.png for clients, and analysis.png with the loads and the utilisation.
     marked  : True to write fabrication.png, which marks the smallest member, gap and wall.
@@ -108,7 +109,7 @@ def _write_facts(
     spent: float,
     earlier: Mapping[str, Any] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """Write `design.json`; return its content. measured : content to add. spent : seconds of export."""
+    """Write `design.json`; return its content. measured : further content.    spent : seconds of the export."""
     seconds = {**design.seconds, "export": spent}
     facts = design_facts(design, seconds, files.names, files.refused, files.notes) | dict(measured)
     facts |= {MANIFEST: {**earlier, **manifest(folder)}}
@@ -130,12 +131,12 @@ def _measured_facts(design: Design, progress: Progress, marks: Path | None) -> d
 def _alternatives(design: Design, progress: Progress) -> dict[str, Any]:
     if not is_searched(design.preset):
         return {}
-    progress("alternatives", "judging a thinner sheet and isotropic stripes of the same mass")
+    progress("alternatives", "solving a thinner sheet and isotropic stripes of the same mass")
     return alternative_facts(design_alternatives(design))
 
 
 def ready_to_draw(picture: bool) -> AbstractContextManager[None]:
-    """Load the drawing libraries in another process while dsfab computes, if `picture` is true."""
+    """Return a context in which a second process loads the drawing libraries, if `picture` is true."""
     from dsfab.render.design_picture import start_picture_program
 
     return start_picture_program() if picture else nullcontext()
@@ -143,7 +144,7 @@ def ready_to_draw(picture: bool) -> AbstractContextManager[None]:
 
 @contextmanager
 def _pictures_meanwhile(design: Design, folder: Path, progress: Progress) -> "Iterator[Pictures]":
-    """Draw preview.png, and pictures that the caller adds to the yielded `Pictures`, in a second process."""
+    """Draw preview.png in a second process. The caller can add pictures to the yielded `Pictures`."""
     from dsfab.render.design_picture import client_picture, pictures_in_background
 
     with pictures_in_background() as pictures:

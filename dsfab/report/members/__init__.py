@@ -58,7 +58,7 @@ RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"  # colours of positive va
 
 
 def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> ChartImage:
-    """Draw diagrams of the section forces for each pair of member and case."""
+    """Draw diagrams of the section forces along members; return a PNG file. rows : pairs of member and load case."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -113,7 +113,7 @@ WORST_COUNT = 10  # Number of members that get a row, a diagram and a name.
 
 
 def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
-    """Draw the structure coloured by utilisation."""
+    """Draw the structure, coloured by the utilisation of its members."""
     from dsfab.render import band_colours, rated_members_picture
 
     utilisation = design.member_utilisation
@@ -125,8 +125,9 @@ def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
     names = [utilisation.bays.member[bay] for bay in utilisation.worst_bays(WORST_COUNT)]
     labels = [f"{100 * step * k:.4g} %" for k in range(count + 1)]
     caption = number.figure(
-        f"Utilisation of each bay, in its decisive case and check. The names are those of the {len(names)} most used "
-        "members; plates, discs and filled openings are not checked and have no colour."
+        f"Utilisation of each bay (the part of a member between two nodes), in its decisive load case and check. "
+        f"Names are shown for the {len(names)} members with the largest utilisation; plates, discs and filled "
+        f"openings are not checked and have no colour."
     )
     scale = ColourScale("utilisation; at 100 % the resistance is reached", band_colours(count), labels)
     try:
@@ -138,7 +139,8 @@ def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
 
 
 def bay_values(design: Design) -> Floats:
-    """Return the utilisation (m,) of the nearest bay at each cell of the members' sheet; NaN without a bay."""
+    """Return the utilisation (m,) of the bay that is nearest to each mesh cell; NaN for a cell without a bay.
+    A bay is the part of a member between two nodes."""
     graph, utilisation = design.members, design.member_utilisation
     value, samples = np.full(graph.sheet.surface.m, -np.inf), 8  # eight points along a bay
     for name in dict.fromkeys(utilisation.bays.member):
@@ -153,7 +155,7 @@ def bay_values(design: Design) -> Floats:
 
 
 def worst_member_words(utilisation: Utilisation) -> str:
-    """Return the member with the largest utilisation, for example 'B10, 63 %'."""
+    """Return text on the member with the largest utilisation, for example 'B10, 63 %'."""
     worst = utilisation.order[0]
     return f"{utilisation.bays.member[worst]}, {percent(float(utilisation.largest[worst]))}"
 
@@ -168,17 +170,18 @@ def summary_section(utilisation: Utilisation, picture: ReportFigure) -> ReportSe
     else:
         status = "pass" if utilisation.combined else "unknown"
         title = f"Each of {len(utilisation.by_member)} members is loaded below its resistance"
-        title += "" if utilisation.combined else ". The loads have no partial factors"
+        title += "" if utilisation.combined else ". These loads have no partial factors"
     text = f"{utilisation.summary}. Checked by {utilisation.standard}. {utilisation.assumed[0]}"
     words = (
-        "The forces are sums of the internal forces of the shell, section by section. Joints and the stability of the "
+        "The forces in each section of a member are sums of the internal forces of the shell. Joints and the "
+        "stability of the "
         "whole structure are not checked: see 'What was assumed, and what was not checked'."
     )
     return ReportSection("Summary", [Banner(status, title, escaped_text(text)), Paragraph(words), picture])
 
 
 def worst_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """Return the members with the largest utilisation, with their forces."""
+    """Return a section on the members with the largest utilisation, and on their forces."""
     bays = utilisation.worst_bays(WORST_COUNT)
     decisive = []
     for bay in bays:
@@ -187,7 +190,7 @@ def worst_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSec
         words = check.name, check.clause, case
         decisive.append((utilisation.bays.member[bay], utilisation.bays.name[bay], *map(escaped_text, words), share))
     head = ("Member", "Bay", "Check", "Clause and formula", "Case", "Utilisation")
-    caption = number.table("Members with the largest utilisation, and the bay in which it is largest.")
+    caption = number.table("Members with the largest utilisation, and the bay with the largest value in each member.")
     table = Table(caption, head, decisive, 5, "", (1, 1.5, 2.6, 3.2, 1.5, 1.3))
     return ReportSection("Most used members", [table, _decisive_forces_table(utilisation, bays, number)], own_page=True)
 
@@ -203,7 +206,10 @@ def _decisive_forces_table(utilisation: Utilisation, worst_bays: Sequence[int], 
         rows.append((bays.member[bay], section, length_or_na(float(bays.length[bay])), *numbers))
     heads = [f"{name}, {unit}" for name, (_, unit, _) in zip(COMPONENTS, scale, strict=True)]
     title = number.table("Bays of the table above: cross-section, length between nodes, forces at largest utilisation.")
-    note = "Positive N is tension. Positive My stretches the side of the normal. Mz bends members within the surface."
+    note = (
+        "Positive N is tension. Positive My stretches the side to which the normal of the surface points. Mz bends "
+        "members within the surface."
+    )
     return Table(title, ("Member", "Section", "Bay", *heads), rows, 2, note, (0.9, 2.2, 1.1, *[1.3] * len(COMPONENTS)))
 
 
@@ -214,23 +220,26 @@ def _common_unit(values: Floats, unit: str) -> tuple[float, str, int]:
 
 
 def diagrams_section(design: Design, number: CaptionNumbers) -> ReportSection:
-    """Return force diagrams of the members with the largest utilisation."""
+    """Return a section with force diagrams of the members with the largest utilisation."""
     utilisation = design.member_utilisation
     rows = [(utilisation.bays.member[b], utilisation.governing(b)[1]) for b in utilisation.worst_bays(WORST_COUNT)]
     several = len(utilisation.bays.forces) > 1
-    case_note = "Each diagram shows the decisive case, named beside it; grey lines: range of all cases. " * several
+    case_note = (
+        "Each diagram shows the decisive load case, with its name; grey lines show the range of all load cases. "
+        "" * several
+    )
     figures, count = [], 3  # a figure of three members fills half a page
     for start in range(0, len(rows), count):
         part = rows[start : start + count]
         image, size = force_diagrams(design, part)
         names = ", ".join(name for name, _ in part)
-        words = f"Section forces along {names}. {case_note}Strokes at the bottom are nodes."
+        words = f"Section forces along {names}. {case_note}Strokes at the bottom mark the nodes."
         figures.append(ReportFigure(number.figure(words), image, size, 1.0))
     return ReportSection("Forces along these members", figures, own_page=True)
 
 
 def checks_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """Return a table of the largest utilisation by each check of the standard."""
+    """Return a section with the largest utilisation by each check of the standard."""
     rows = []
     for column, check in enumerate(utilisation.checks):
         values = utilisation.worst[:, column]
@@ -243,7 +252,7 @@ def checks_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSe
 
 
 def scope_section(utilisation: Utilisation) -> ReportSection:
-    """Return the assumptions, and the questions that dsfab does not check."""
+    """Return a section with the assumptions, and with the questions that dsfab does not check."""
     assumed = [escaped_text(line) for line in utilisation.assumed]
     missing = [escaped_text(line[0].upper() + line[1:]) + "." for line in utilisation.unchecked]
     blocks: list[Block] = [
@@ -257,7 +266,7 @@ def scope_section(utilisation: Utilisation) -> ReportSection:
 
 
 def members_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """Return a list of all members, the member with the largest utilisation first."""
+    """Return a section that lists the members in the order of utilisation, the largest first."""
     ranked, limit = sorted(utilisation.by_member.items(), key=lambda item: -item[1]), 400
     shown = [(name, percent(value)) for name, value in ranked[:limit]]
     third = -(-len(shown) // 3)
@@ -291,7 +300,10 @@ def member_report(design: Design, command: str) -> Document:
         members_section(utilisation, number),
         reproduction_section(command, library_versions, preset_toml(design.resolved_preset, for_people=True), number),
     ]
-    footer = f"Made by dsfab {library_versions['dsfab']}; a first estimate for members, no proof of safety under a code"
+    footer = (
+        f"Made by dsfab {library_versions['dsfab']}; a first estimate for members, not a proof of safety under a "
+        f"building code"
+    )
     subject = design.preset.name.replace("_", " ").capitalize()
     return Document("Members checked by the building code", subject, facts, document_sections, footer)
 
@@ -302,7 +314,10 @@ def write_member_report(design: Design, command: str, folder: Path) -> tuple[lis
     try:
         plan = workshop_plan(design, up_axis(design.surface.V, design.surface, design.load))
     except DsfabError as error:
-        return files, [*messages, f"{STRUCTURE_FILE} is left out, because the design has no flat parts: {error}"]
+        return files, [
+            *messages,
+            f"the file {STRUCTURE_FILE} is left out, because the design has no flat parts: {error}",
+        ]
     if plan.graph is None:
         return files, messages
     (folder / STRUCTURE_FILE).write_text(assembly_page(plan, design, judged=True), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""`Cells`: convex polygons on shared vertices, and their triangles."""
+"""Convex polygons that share vertices, and their division into triangles."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,19 +18,20 @@ class Cells:
     """Polygons in one flat array. Polygon i has the corners corner[start[i]], ..., corner[start[i + 1] - 1].
     start    : (c + 1,) index of each polygon's first corner.
     corner   : (h,) vertices. An index into `corner` is called a slot.
-    sides_on : (h,) row of `CutLines` for the side from each slot to the next; 0 without a line, -1 - l for level l."""
+    sides_on : (h,) row in `CutLines` of the line that contains the side from each slot to the next; 0 without a line.
+               During a cut, -1 - l means level l of the cut."""
 
     start: Ints
     corner: Ints
     sides_on: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
-        if len(self.sides_on) != len(self.corner):  # without `sides_on`, no side lies on a line of `CutLines`
+        if len(self.sides_on) != len(self.corner):  # default: no side lies on a line of `CutLines`
             object.__setattr__(self, "sides_on", np.zeros(len(self.corner), dtype=np.int64))
 
     @classmethod
     def triangles(cls, F: Ints, sides_on: Ints | None = None) -> "Cells":
-        """Return the triangles F (m, 3) as polygons. sides_on : (m, 3) row of `CutLines` of each side."""
+        """Return the triangles F (m, 3) as polygons. sides_on : (m, 3) row in `CutLines` of each side's line."""
         return cls(
             np.arange(0, 3 * len(F) + 1, 3), F.ravel(), (np.zeros_like(F) if sides_on is None else sides_on).ravel()
         )
@@ -53,21 +54,21 @@ class Cells:
         return slot
 
     def next_values(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return the value (h,) at the next corner of the same polygon. values : (h,)."""
+        """Return for each polygon corner the value (h,) at the next corner. values : (h,) at the corners."""
         result: NDArray[Any] = np.empty_like(values)
         result[:-1] = values[1:]
         result[self.start[1:] - 1] = values[self.start[:-1]]
         return result
 
     def per_polygon(self, ufunc: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
-        """Return a sum or another `ufunc` (c,) of the values (h,) at the corners of each polygon."""
+        """Reduce the values (h,) at the corners of each polygon with `ufunc`, such as a sum; return (c,) numbers."""
         if len(values) == 3 * len(self.sizes):  # all polygons are triangles
             a, b, c = values.reshape(-1, 3).T
             return np.asarray(ufunc(ufunc(a, b), c))
         return ufunc.reduceat(values, self.start[:-1])
 
     def sides(self, active: Bools) -> tuple[Ints, Ints]:
-        """Return the first and the last vertex (s,) of every side of the polygons `active` (c,)."""
+        """Return the start and the end vertex (s,) of every side of the polygons that `active` (c,) marks."""
         a, b = self.corner, self.next_values(self.corner)
         if active.all():
             return a, b
@@ -75,19 +76,19 @@ class Cells:
         return a[slots], b[slots]
 
     def slots(self, which: Ints) -> Ints:
-        """Return the slots (indices into `corner`) of the polygons `which` (k,)."""
+        """Return the slots (indices into `corner`) of all corners of the polygons with the numbers `which` (k,)."""
         sizes = self.sizes[which]
         ends = np.cumsum(sizes)
         return np.asarray(np.repeat(self.start[which] - (ends - sizes), sizes) + np.arange(int(sizes.sum())))
 
     def subset(self, which: Ints) -> "Cells":
-        """Return the polygons `which` (k,)."""
+        """Return only the polygons with the numbers `which` (k,)."""
         slots = self.slots(which)
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[slots], self.sides_on[slots])
 
     def with_new_lines(self, lines: Ints) -> "Cells":
-        """Return polygons in which lines[l, polygon] replaces the mark -1 - l of each level l.
-        lines : (levels, c) rows of `CutLines`."""
+        """Return the polygons with a line for every new side: in `sides_on`, lines[l, polygon] replaces -1 - l.
+        lines : (levels or 1, c or 1) rows of `CutLines`."""
         side = np.flatnonzero(self.sides_on < 0)
         if not len(side):
             return self
@@ -96,8 +97,8 @@ class Cells:
         return Cells(self.start, self.corner, sides_on)
 
     def triangle_sides(self, F: Ints, polygon: Ints) -> Ints:
-        """Return the row of `CutLines` (m, 3) of each side of triangles F (m, 3).
-        polygon : (m,) the polygon of each triangle."""
+        """Return for each side of triangles F (m, 3) the row in `CutLines` (m, 3) of the line that contains it.
+        polygon : (m,) number of the polygon that contains each triangle."""
         slot = np.flatnonzero(self.sides_on)
         n, owner, end = int(self.corner.max()) + 1, self.owner[slot], self.next_values(self.corner)[slot]
         key = owner * n + self.corner[slot]
@@ -133,7 +134,7 @@ class Cells:
 
 
 LARGEST = 9
-"""Corners of the largest polygon that `triangulate` fills directly; it halves larger polygons first, to save time."""
+"""Largest number of corners of polygons that `triangulate` divides directly. Larger polygons are first halved."""
 
 
 def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
@@ -162,7 +163,7 @@ def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
 
 
 def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Return the quality (g,) of triangles, at most 1 [Bank, Smith 1997]."""
+    """Return 4 sqrt(3) area / sum of squared sides (g,) of triangles; 1 if equilateral [Bank, Smith 1997]."""
     u, v = b - a, c - a
     w = v - u
     squares = sum((s[0] * s[0] + s[2] * s[2]) + s[1] * s[1] for s in (u, v, w))
@@ -223,8 +224,8 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
 
 
 SNAP_FLOOR = 1e-9
-"""Smallest fraction for snapping (a value moves onto a near level, see `cut`); it applies even at snap = 0."""
-TIP = 1e-3  # Largest snap fraction (see `cut`) for moving only one edge of a stripe; the opposite edge stays.
+"""Least value of `snap` (see `cut`): a field value moves onto a level nearer than this fraction of the local range."""
+TIP = 1e-3  # Upper limit of `snap` (see `cut`) for moves of one stripe edge, without the opposite edge.
 
 
 def nearest_levels(x: Floats, levels: Floats) -> Floats:
@@ -238,9 +239,9 @@ def nearest_levels(x: Floats, levels: Floats) -> Floats:
 def snap_values(
     x: Floats, levels: Floats, sides: tuple[Ints, Ints], difference: Floats, fraction: float, free: Bools
 ) -> Floats:
-    """Move each value x (n,) at a vertex onto the nearest of the levels (k,), if this level is close.
-    fraction : largest move / largest `difference` on the edges at a vertex.
-    sides : both vertices of each edge.    free : (n,) True if x may move."""
+    """Move the value x (n,) of each vertex onto the nearest of the levels (k,), if this level is close.
+    sides    : start and end vertex (s,) of each edge.    difference : (s,) change of x along each edge.
+    fraction : largest move / largest `difference` at edges of the vertex.    free : (n,) True if x may move."""
     level = nearest_levels(x, levels)
     gap = np.abs(x - level)
     may_snap = gap <= fraction * difference.max(initial=0.0) + _rounding(x)
@@ -252,8 +253,8 @@ def snap_values(
 
 
 def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
-    """Move both values x (n, 2) at each vertex by a common step, so that one value lies on the nearest level (k,).
-    reach : (n, 2) largest change of each value along the edges of its vertex.    fraction : largest step / reach."""
+    """Add a small step to the two values x (n, 2) of a vertex. It moves the value nearest to a level onto this level.
+    reach : (n, 2) largest change of each value along edges of the vertex.    fraction : largest step / reach."""
     level = np.stack([nearest_levels(x[:, i], levels) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)
@@ -272,8 +273,8 @@ def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) 
 
 
 def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools]:
-    """Return masks (c,) of the polygons wholly inside stripes, and of the polygons wholly outside stripes.
-    y : (h, 2) the field plus the stripes' half-width, and minus the half-width, at each polygon corner."""
+    """Return a mask (c,) of polygons that stripes cover fully, and a mask (c,) of polygons without stripes.
+    y : (h, 2) z + d and z - d at each polygon corner: field z, half-width d of the stripes."""
     width, begins = y[:, 0] - y[:, 1], cells.start[:-1]
     gap = np.diff(levels).max(initial=0.0)
     within = (y[:, 0] >= levels[0]) & (y[:, 1] < levels[-1])
@@ -282,7 +283,8 @@ def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools,
 
 
 def largest_ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
-    """Return the largest `difference` on sides at each vertex (n,); 0 without sides."""
+    """Return for each of n vertices the largest `difference` at its edges (n,); 0 for a vertex without edges.
+    sides : start and end vertex (s,) of each edge.    difference : (s,) change of a field along each edge."""
     reach = np.zeros(n)
     for end in sides:
         np.maximum.at(reach, end, difference)

@@ -23,8 +23,8 @@ from dsfab.surface.fields import CornerField
 
 @dataclass(frozen=True, eq=False)
 class PolygonField:
-    """A `CornerField` on the vertices of polygons.
-    lead   : (n',) for each vertex, the face in which its values hold.
+    """A `CornerField` (field with a sign and a shift in each face) at the vertices of polygons.
+    values : (n', 1 or 2) field at the vertices.    lead : (n',) uncut face in which each vertex's values hold.
     sign, shift : (h,) for polygon corners: in the polygon's own uncut face, the field is sign * value + shift.
     blank  : (h,) True for polygon corners without a value."""
 
@@ -38,7 +38,7 @@ class PolygonField:
 
     @classmethod
     def from_field(cls, mesh: PolygonMesh, field: CornerField) -> Self:
-        """Return the field at each vertex."""
+        """Interpolate a `CornerField` to the vertices of a mesh of polygons."""
         corner, n = mesh.cells.corner, len(mesh.X)
         lead = np.zeros(n, dtype=np.int64)
         lead[corner[::-1]] = mesh.face[::-1]
@@ -69,7 +69,7 @@ class PolygonField:
         return cls(mesh, field, values, lead, sign, shift, field.blank[face])
 
     def value_index(self, side: int) -> Ints:
-        """Return indices (h,) in values.ravel() of z + d (side 0) or z - d (side 1)."""
+        """Return indices (h,) into values.ravel() of z + d (side 0) or z - d (side 1): field z, stripe half-width d."""
         return self._lower if side else self._upper
 
     @cached_property
@@ -82,7 +82,7 @@ class PolygonField:
         return self._upper if self.values.shape[1] == 1 else self._upper ^ 1
 
     def slot_values(self, side: int) -> Floats:
-        """Return the field (h,) at all polygon corners. side : stripe edge, 0: z + d, 1: z - d."""
+        """Return z + d (side 0) or z - d (side 1) at all polygon corners (h,): field z, stripe half-width d."""
         return self._slots[side]
 
     @cached_property
@@ -105,14 +105,15 @@ class PolygonField:
         return changed
 
     def side_values(self, side: int, foreign: Bools | None = None) -> SideValues:
-        """Return the field at both ends of each polygon side. foreign : (h,) mask of polygon sides without a value."""
+        """Return z + d (side 0) or z - d (side 1) at the two ends of each polygon side: field z, half-width d.
+        foreign : (h,) mask of polygon sides without a value."""
         return SideValues.from_slots(
             self.mesh.cells, self.slot_values(side), self.blank if foreign is None else foreign
         )
 
     def after_split(self, split: Split, side: int, lines: Ints) -> "PolygonField":
-        """Return the field after a split. side : 0 for z + d, 1 for z - d.
-        lines : (l, 1) row of `CutLines` for each level."""
+        """Return the field after a split along levels of z + d (side 0) or z - d (side 1): field z, half-width d.
+        lines : (l, 1) row in `CutLines` for each level."""
         mesh, following = self.mesh.after_split(split, lines), self.mesh.cells.following
         cut = self.slot_values(side)
         up = cut[split.side] < cut[following[split.side]]
@@ -126,7 +127,8 @@ class PolygonField:
         return PolygonField._from_leads(mesh, self.field, np.concatenate([self.values, new_values]), lead)
 
     def turned_edges(self) -> tuple[Bools, Bools]:
-        """Return masks (h,) of polygon sides where the field changes sign: of the first polygon, and of the second."""
+        """Return two masks (h,) of polygon sides at edges where the field changes sign between two polygons.
+        The first mask marks the side in the polygon with the lower number. The second mask marks the opposite side."""
         cells = self.mesh.cells
         a, b = cells.corner, cells.next_values(cells.corner)
         leading, second = np.zeros((2, len(a)), dtype=bool)
@@ -152,8 +154,8 @@ def corner_band(
     mesh: PolygonMesh, field: CornerField, levels: Floats, snaps: tuple[float, float], size: float, edges: Ints
 ) -> tuple[PolygonMesh, Bools]:
     """Cut the void polygons along the stripes of a field; return also a mask (c',) of the new material.
-    snaps : snap fractions: for moves of whole stripes, and for moves of one edge of a stripe.
-    edges : (l, 2) rows of `CutLines`: z + d = level, z - d = level."""
+    snaps : largest moves of whole stripes, and of a single stripe edge, onto a vertex: fractions of a polygon side.
+    edges : (l, 2) rows in `CutLines` of the lower and of the upper edge of the stripe at each level."""
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():
         void &= _cells_to_cut(mesh, field.wanted)
@@ -172,7 +174,7 @@ def corner_band(
 
 
 def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
-    """Return a mask (c,) of void polygons without a field value, mostly enclosed by material."""
+    """Return a mask (c,) of void polygons without a field value that have material along over half of their outline."""
     inner = mesh.void & blank[mesh.parent]
     if not inner.any():
         return inner
@@ -189,7 +191,7 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
 
 
 def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
-    """Return a mask (c,) of polygons to cut."""
+    """Return a mask (c,) of polygons to cut. Stripes must be wanted on over half of the face or opening."""
     least = 0.5
     crossed = mesh.again & (wanted_share > least)[mesh.parent]
     if not mesh.void.any():
@@ -206,10 +208,10 @@ def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
 class StripeCut:
     """A cut along the stripes of a `CornerField`, in progress.
     seen   : the field on the polygons.
-    tip    : largest move of an edge of a stripe onto a vertex, as a fraction of a polygon side.
+    tip    : largest move of a stripe edge onto a vertex, as a fraction of a polygon side.    size : of the surface, m.
     active : (c,) mask of polygons to cut.    solid : (c,) mask of polygons inside stripes.
-    source : (c,) for each polygon, its polygon before the last split.
-    edges  : (l, 2) rows of `CutLines` for both edges of the stripe at each level."""
+    source : (c,) number of the polygon, before the last split, that contains each polygon.
+    edges  : (l, 2) rows in `CutLines` of the two edges of the stripe at each level."""
 
     seen: PolygonField
     levels: Floats
@@ -243,7 +245,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved))
 
     def with_snapped_values(self, side: int) -> "StripeCut":
-        """Move edges of stripes onto near vertices. side : 0 for z + d, 1 for z - d."""
+        """Move stripe edges onto vertices that are very near. side : 0 for lower, 1 for upper edges of stripes."""
         x = self.seen.values.ravel()
         a, b, difference = self._side_ends(side)
         free = np.ones(len(x), dtype=bool)
@@ -251,7 +253,8 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
     def with_turned_edges(self, side: int) -> "StripeCut":
-        """Add vertices to edges where the field changes sign. side : 0 for z + d, 1 for z - d."""
+        """Add vertices where stripe edges cross mesh edges at which the field changes sign.
+        side : 0 for lower edges of stripes, 1 for upper edges."""
         leading, second = self.seen.turned_edges()
         owner = self.seen.mesh.cells.owner
         if not self.active[owner[leading | second]].any():
@@ -264,9 +267,9 @@ class StripeCut:
         return state._after_split(split, side)
 
     def cut_along_levels(self, side: int, above: bool) -> tuple["StripeCut", Ints]:
-        """Cut the polygons `active` along edges of stripes: where z + d (side 0) or z - d (side 1) equals a level.
+        """Cut the polygons `active` along the lower edges (side 0) or the upper edges (side 1) of stripes.
         Return also the number (c',) of levels below each polygon.
-        above : True counts a level as below a polygon that lies on this level."""
+        above : True if a level counts as below a polygon that lies on the level."""
         state = self.with_snapped_values(side)
         for _ in range(ROUNDS):
             seen, mesh = state.seen, state.seen.mesh

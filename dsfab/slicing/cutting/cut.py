@@ -41,7 +41,7 @@ def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], 
              or a `CornerField` or `DividedField`. All divided fields share one division, before any `CornerField`.
     levels : ascending values for each field. Strip j of a field has j levels below the strip; odd strips are material.
              With values (n, 2), material has |z - level| < d.
-    snap   : 0 to 0.4, fraction of the local range of values; nearer values move onto a level.
+    snap   : 0 to 0.4. A value moves onto a level that is nearer than this fraction of the local range of values.
 
     A cell is material if any field makes the cell material.
     The cells are in the order of the faces; the first n vertices are those of the surface.
@@ -79,8 +79,8 @@ def polygons_along(
     divided_again: DividedAgain | None = None,
     mesh: PolygonMesh | None = None,
 ) -> PolygonMesh:
-    """Cut a surface as `cut_polygons` does.
-    values, levels : from `checked_lines`, (n,) or (n, 2) for each field."""
+    """Cut a surface as `cut_polygons`, with checked input. values, levels : results of `checked_lines`.
+    divided_again : rule for material that later fields cut, too."""
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
     divided, on_parts = _division(fields)
@@ -156,8 +156,8 @@ def _band(
 
 
 def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints, Ints]:
-    """Return triangles, the polygon (m',) of each triangle, and the line of each side (m', 3).
-    parent : (c,) uncut face of each polygon.
+    """Divide polygons into triangles. Return also each triangle's polygon (m',), and each side's line (m', 3).
+    X : (n', 3) vertices, metres.    parent : (c,) uncut face of each polygon.
     Raises PatternError for triangles without area."""
     F, cell = triangulate(cells, X)
     try:
@@ -167,14 +167,15 @@ def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Int
         bad = np.flatnonzero(areas <= ZERO_AREA * np.sum(np.ptp(X, axis=0) ** 2))
         raise PatternError(
             f"{len(bad)} of {len(F)} cells have no area (in faces {first_few(np.unique(parent[cell[bad]]))}); "
-            "raise slicing.snap or the radius of discs at point contacts, or remesh these faces if they are very thin"
+            "raise slicing.snap or the radius of the discs at point contacts, or remesh these faces if the faces are "
+            "very thin"
         ) from refused
 
 
 def checked_lines(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike]
 ) -> tuple[list[Floats], list[Floats]]:
-    """Return each field's values (n,) or (n, 2), and distinct levels.
+    """Return the values (n,) or (n, 2) of each field, and the distinct levels of each field.
     Raises PatternError for invalid fields or levels."""
     values = [_checked_field(surface, k, f) for k, f in enumerate(fields)]
     return values, [_checked_levels(k, x, lines) for k, (x, lines) in enumerate(zip(values, levels, strict=True))]
@@ -190,7 +191,9 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
         raise ValueError(f"field {k} must have shape ({surface.n},) or ({surface.n}, 2), got {x.shape}")
     bad = np.flatnonzero(~np.isfinite(x.reshape(surface.n, -1)).all(axis=1))
     if len(bad):
-        raise PatternError(f"field {k} is not finite at {len(bad)} of {surface.n} vertices (first: {first_few(bad)})")
+        raise PatternError(
+            f"the values of field {k} are not finite at {len(bad)} of {surface.n} vertices (first: {first_few(bad)})"
+        )
     return x
 
 
@@ -225,8 +228,8 @@ def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
 
 
 def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
-    """Return a sheet with `mesh` in place of some triangles.
-    source : (c,) replaced triangle of each polygon."""
+    """Return a sheet in which the polygons of `mesh` replace some triangles.
+    source : (c,) for each polygon, the triangle that it replaces in part or in full."""
     surface = sheet.surface
     stay = np.ones(surface.m, dtype=bool)
     stay[source] = False
@@ -247,7 +250,7 @@ def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
 
 
 def divided_field_values(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:
-    """Return a field of divided faces at the vertices of a sheet, (n',) or (n', 2)."""
+    """Return the values (n',) or (n', 2) of a `DividedField` (linear on parts of faces) at the vertices of a sheet."""
     divided, F = field.divided, sheet.surface.F
     values = sheet.carry(field.at_vertices)
     parts = divided.cut_parts()

@@ -14,15 +14,15 @@ from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import link_components
 
 GAIN = 0.45
-"""`halve_lines` uses `uncapped_target` if this lowers log2(P95 / P5) of the distances of lines by more than GAIN.
+"""`halve_lines` uses `uncapped_target` if log2(P95 / P5) of the line spacing then falls by more than GAIN.
 P5, P95 : percentiles. `uncapped_target` removes more lines; structures become up to a tenth softer."""
 
 
 @dataclass(frozen=True, eq=False)
 class LineHalving:
-    """Polygons between the lines that remain after halving.
+    """Polygons between the lines that remain after halving (the removal of every second line).
     mesh   : the polygons.    level : (c, 2) number of halvings of each family in each polygon.
-    phases : of both families, whole numbers on lines.
+    phases : phase of each family. Before halving, a line lies where the phase is a whole number.
     first  : the family that was halved first."""
 
     mesh: PolygonMesh
@@ -31,7 +31,7 @@ class LineHalving:
     first: int = 0
 
     def drawn_share(self, surface: Surface, family: int, level: int) -> Floats:
-        """Return the fraction (m,) of each face's area where a family's lines were halved at most `level` times."""
+        """Return the fraction (m,) of each face where a family lost every second line at most `level` times."""
         area = self.mesh.cells.areas(self.mesh.X)[0]
         drawn_area = area * (self.level[:, family] <= level)
         return np.asarray(np.bincount(self.mesh.parent, drawn_area, surface.m) / surface.areas)
@@ -50,7 +50,7 @@ def halve_lines(
     level_limits: tuple[int, int],
     uncapped_target: tuple[Floats, Floats] | None = None,
 ) -> LineHalving:
-    """Remove every second line of two families, once or more. Lines lie where the phase (n, 1) is a whole number.
+    """Remove every second line of two families (halving), once or more. Lines have whole numbers as phases (n, 1).
     target          : (m,) ideal number of halvings, for each family.
     level_limits    : largest number of halvings of each family.
     uncapped_target : (m,) ideal numbers without limits, used if spacings become more even."""
@@ -108,7 +108,7 @@ def _with_lines(
 
 
 def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
-    """Return a mask of inner edges on lines that remain."""
+    """Return a mask (p,) of inner edges on remaining lines. period : (c,) k if every k-th line remains."""
     slot_a, slot_b, slot_at_start = mesh.neighbours
     seen, owner = PolygonField.from_field(mesh, field), mesh.cells.owner
     y = seen.slot_values(0)

@@ -1,4 +1,4 @@
-"""A surface divided into convex polygons during a cut, and the contacts between its parts."""
+"""A surface that a cut divides into convex polygons, and the contacts between its parts."""
 
 import dataclasses
 from dataclasses import dataclass, replace
@@ -21,11 +21,11 @@ from dsfab.surface.topology import link_components
 class PolygonMesh:
     """Convex polygons on vertices X (n', 3), metres.
     F       : (m, 3) faces of the uncut surface.
-    weights : (n', n) barycentric weights of uncut vertices.
+    weights : (n', n) barycentric weights of the vertices on the uncut vertices.
     parent  : (c,) uncut face of each polygon.    family : (c,) number of the field with material here, or `VOID`.
     again   : (c,) mask of material that is cut again by the next fields.
     also    : (c,) number of a second field with material in the polygon, or `VOID`.
-    stubs   : number of removed and straightened stripes.    lines : for `Cells.sides_on`."""
+    stubs   : number of removed and straightened stripes.    lines : lines to which `Cells.sides_on` refers."""
 
     F: Ints
     cells: Cells
@@ -40,7 +40,7 @@ class PolygonMesh:
 
     @classmethod
     def from_surface(cls, surface: Surface, divided: DividedSurface | None = None) -> Self:
-        """Return the faces of a surface, or of `divided`, as polygons without material."""
+        """Return the faces of a surface, or the parts of its faces in `divided`, as polygons without material."""
         if divided:
             parts = divided.surface
             cells, family = Cells.triangles(parts.F, _rim(parts)), np.full(parts.m, VOID)
@@ -66,7 +66,8 @@ class PolygonMesh:
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
     def with_material(self, k: int, material: Bools, blank: Bools) -> Self:
-        """Return the mesh with material (c,) of field k. In new material of faces `blank` (m,), `also` becomes k."""
+        """Return the mesh with added material (c,) of field k. blank : (m,) mask of faces without a value of field k.
+        `also` becomes k where two fields have material, and in new material of `blank` faces."""
         new_material = material & self.void
         joint = (material & ~new_material & self.again) | (new_material & blank[self.parent])
         family, also = np.where(new_material, k, self.family), np.where(joint, k, self.also)
@@ -89,11 +90,11 @@ class PolygonMesh:
 
     @cached_property
     def support(self) -> Ints:
-        """(n',) for each vertex, one corner of the uncut edge or face where the vertex lies."""
+        """(n',) for each vertex, a corner of the uncut edge or face that contains the vertex."""
         return np.asarray(self.weights.indices[self.weights.indptr[:-1]])
 
     def after_split(self, split: Split, lines: Ints | None = None) -> "PolygonMesh":
-        """Return the mesh after a split. lines : rows of `CutLines` (l or 1, c' or 1), or None."""
+        """Return the mesh after a split. lines : (l or 1, c' or 1) rows in `CutLines` for the new sides, or None."""
         weights = weights_after_split(self.weights, split)
         cells = split.cells.with_new_lines(np.zeros((1, 1), dtype=np.int64) if lines is None else lines)
         names, source = ("parent", "family", "again", "also"), split.source
@@ -102,7 +103,7 @@ class PolygonMesh:
 
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
-        """Indices into `Cells.corner` at inner edges: three arrays (p,).
+        """For each inner edge, three indices into `Cells.corner`, as arrays (p,).
         First: start of the edge in its first polygon. Second: start of the edge in its second polygon.
         Third: corner of the second polygon at the vertex of the first array."""
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
@@ -113,14 +114,14 @@ class PolygonMesh:
 
     @cached_property
     def polygon_across(self) -> Ints:
-        """(h,) the neighbouring polygon at each side, or -1."""
+        """(h,) the neighbouring polygon at each polygon side; -1 at the boundary."""
         slot_a, slot_b, _ = self.neighbours
         owner, polygon = self.cells.owner, np.full(len(self.cells.corner), -1)
         polygon[slot_a], polygon[slot_b] = owner[slot_b], owner[slot_a]
         return polygon
 
     def part_labels(self, marked: Bools) -> Ints:
-        """Return the number (c,) of each polygon's connected part; -1 if not marked."""
+        """Number the connected parts of the `marked` (c,) polygons. Return each polygon's part (c,); -1 if unmarked."""
         slot_a, slot_b, _ = self.neighbours
         f, g = self.cells.owner[slot_a], self.cells.owner[slot_b]
         joined = marked[f] & marked[g]
@@ -133,7 +134,7 @@ class PolygonMesh:
         return np.ascontiguousarray(self.F.T)
 
     def corner(self, face: Ints, vertex: Ints) -> Ints:
-        """Return the number (k,), 0 to 2, of the corner of each face (k,) at its vertex (k,)."""
+        """Return for each face (k,) the number (k,), 0 to 2, of the corner that is at the vertex (k,)."""
         _, second, third = self._corners
         return np.asarray((second[face] == vertex) + 2 * (third[face] == vertex))
 
@@ -145,13 +146,13 @@ def _rim(surface: Surface) -> Ints:
 
 
 def corner_places(F: Ints, vertex: Ints) -> Ints:
-    """Return the number (k,), 0 to 2, of the corner of each face (k, 3) at its vertex (k,)."""
+    """Return for each face F (k, 3) the number (k,), 0 to 2, of the corner that is at `vertex` (k,)."""
     _, second, third = F.T
     return np.asarray((second == vertex) + 2 * (third == vertex))
 
 
 def weights_after_split(weights: csr_array, split: Split) -> csr_array:
-    """Append barycentric weights (k, n) of a split's new vertices."""
+    """Append the barycentric weights (k, n) of a split's new vertices to the weights (n', n) of its old vertices."""
     new_weights = split.new_weights(weights.shape[0]) @ weights
     data, indices = (
         np.concatenate([getattr(part, name) for part in (weights, new_weights)]) for name in ("data", "indices")
@@ -163,7 +164,8 @@ def weights_after_split(weights: csr_array, split: Split) -> csr_array:
 @dataclass(frozen=True, eq=False)
 class Contacts:
     """Contacts between parts (p,) of a mesh: stretches (k,) of outline along which two parts touch.
-    parts  : (k, 2) both parts; the second is -1 at an edge of the surface or at an anchor.    length : (k,) metres.
+    parts  : (k, 2) the two parts. -1 stands for the surface's boundary, or for a vertex at which stripes may end.
+    length : (k,) length of each stretch, metres.
     links  : (l, 2) pairs of adjacent stretches on a part's outline. Stretch i has the number i on the outline of
              parts[i, 0], and the number i + k on the outline of parts[i, 1].
     around : (p,) length of each part's outline, metres."""
@@ -175,7 +177,7 @@ class Contacts:
 
     @classmethod
     def from_parts(cls, mesh: PolygonMesh, part: Ints, anchor: Bools) -> "Contacts":
-        """Return where parts of the mesh touch. part : (c,) the part of each polygon.
+        """Return the contacts between parts of a mesh. part : (c,) the part of each polygon.
         anchor : (n,) mask of uncut vertices where stripes may end."""
         slot_a, slot_b, _ = mesh.neighbours
         owner, cells = mesh.cells.owner, mesh.cells
@@ -215,7 +217,8 @@ class Contacts:
         return cls(pairs, length, np.unique(np.stack([stretch[i], stretch[j]], axis=1), axis=0), around)
 
     def dead_ends(self, gone: Bools) -> Bools:
-        """Return a mask (p,) of parts with one short contact only. gone : (p,) mask of removed parts."""
+        """Return a mask (p,) of dead ends: parts with a single contact, shorter than half of the part's outline.
+        gone : (p,) mask of removed parts."""
         part, _, length, row = self._remaining(gone)
         live = np.zeros(2 * len(self.parts), dtype=bool)
         live[row] = True
@@ -226,7 +229,7 @@ class Contacts:
         return np.asarray((places == 1) & (np.bincount(part, length, len(gone)) < self.around / 2))
 
     def single_contacts(self, gone: Bools) -> tuple[Ints, Ints]:
-        """Return parts (k,) whose only contact is a stretch along a neighbour, and these neighbours (k,).
+        """Return the parts (k,) that touch only a single neighbour, along a single stretch, and the neighbours (k,).
         gone : (p,) mask of removed parts."""
         part, neighbour, _, _ = self._remaining(gone)
         is_single = (np.bincount(part, minlength=len(gone))[part] == 1) & (neighbour >= 0)
@@ -256,7 +259,8 @@ class Contacts:
 
 
 def adjacent_sides(group: Ints, ends: Ints, count: int) -> tuple[Ints, Ints]:
-    """Return pairs (l,), (l,) of sides in the same group (k,) with a common vertex."""
+    """Return pairs of sides with the same group and a common vertex, as two arrays (l,) of side numbers.
+    group : (k,) group of each side.    ends : (k, 2) vertices of each side.    count : number of vertices."""
     key = (group[:, None] * count + ends).ravel()
     order = sorted_order(key)
     meet = np.flatnonzero(np.diff(key[order]) == 0)

@@ -1,4 +1,4 @@
-"""`Sheet`: a surface that is cut into material and void cells; also parts of it as surfaces, and finer meshes."""
+"""Sheets: surfaces that are cut into material and void cells. Also parts of sheets, and finer meshes."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -31,7 +31,7 @@ ON_SIMPLEX = 1 - 1e-9
 class SheetPart:
     """A part of a cut surface, as a separate surface.
     cut_surface : all cells.    surface : the part.
-    cells, vertices : (f,), (k,) their numbers in `cut_surface`, ascending."""
+    cells, vertices : (f,), (k,) numbers of the part's cells and vertices in `cut_surface`, ascending."""
 
     cut_surface: Surface
     surface: Surface
@@ -40,7 +40,7 @@ class SheetPart:
 
     @classmethod
     def from_cells(cls, cut_surface: Surface, mask: Bools) -> Self:
-        """Return the marked cells (m',) of a cut surface; at least one cell must be marked."""
+        """Return the part of a cut surface that `mask` (m',) marks. The mask must mark at least one cell."""
         F, used = cut_surface.F[mask], np.zeros(cut_surface.n, dtype=bool)
         used[F] = True
         surface = Surface(cut_surface.V[used], (np.cumsum(used) - 1)[F])
@@ -60,7 +60,7 @@ class SheetPart:
 
 
 class LineKind(IntEnum):
-    """Kinds of lines that the sides of cells lie on."""
+    """Kinds of lines on which the sides of cells lie."""
 
     NONE = 0  # no line: the side lies inside the material or inside the void
     RIM = 1  # the boundary of the uncut surface
@@ -74,7 +74,7 @@ class LineKind(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class CutLines:
-    """Lines that the sides of cells lie on. The first three are `NONE`, `RIM` and `END`.
+    """Lines on which the sides of cells lie. The first three lines are `NONE`, `RIM` and `END`.
     kind   : (l,) the `LineKind` of each line.
     field  : (l,) index of the field for kind LEVEL; -1 for other kinds.
     number : (l,) for kind LEVEL, 2 j for the lower and 2 j + 1 for the upper edge of stripe j. For other kinds, the
@@ -133,7 +133,7 @@ class Sheet:
     def __post_init__(self) -> None:
         lock(self, "parent", np.int64, (None,))
         lock(self, "family", np.int64, (None,))
-        if len(self.sides_on) != self.surface.m:  # without `sides_on`, no half-edge lies on a line
+        if len(self.sides_on) != self.surface.m:  # default: no half-edge lies on a line
             object.__setattr__(self, "sides_on", np.zeros((self.surface.m, 3), dtype=np.int64))
         lock(self, "sides_on", np.int64, (self.surface.m, 3))
         weights = csr_array(self.weights, copy=True)
@@ -143,7 +143,9 @@ class Sheet:
         object.__setattr__(self, "weights", weights)
         shapes = (len(self.parent), len(self.family), weights.shape[0])
         if shapes != (self.surface.m, self.surface.m, self.surface.n):
-            raise ValueError(f"expected {self.surface.m} cells and {self.surface.n} vertices, got {shapes}")
+            raise ValueError(
+                f"the arrays need {self.surface.m} cells and {self.surface.n} vertices, but have the shapes {shapes}"
+            )
 
     def to_trimesh(self) -> "trimesh.Trimesh":
         """The cells as a trimesh object, metres."""
@@ -191,7 +193,7 @@ class Sheet:
         return Walls.from_cells(self.surface, ~self.material)
 
     def carry(self, x: Floats) -> Floats:
-        """Interpolate values x (n, ...) from the uncut surface's vertices to this sheet's; return (n', ...)."""
+        """Interpolate values x (n, ...) from vertices of the uncut surface to vertices of this sheet (n', ...)."""
         return np.asarray(self.weights @ x)
 
     def carry_corners(self, x: Floats, F: Ints) -> Floats:
@@ -246,8 +248,8 @@ class Sheet:
     def _part_sheet(self, mask: Bools) -> "Sheet":
         if not mask.any():
             raise PatternError(
-                f"none of the {self.surface.m} cells is kept: there is nothing to build; "
-                "lower the threshold or raise the frequency"
+                f"the pattern keeps none of the {self.surface.m} cells as material; lower the threshold or raise the "
+                f"frequency of the stripes"
             )
         part = self.material_part if mask is self.material else SheetPart.from_cells(self.surface, mask)
         weights = self.weights[part.vertices]
@@ -256,7 +258,7 @@ class Sheet:
 
     @cached_property
     def lines_of_edges(self) -> Ints:
-        """(m', 3) index in `lines` of each half-edge. A half-edge without a line gets the line of its opposite."""
+        """(m', 3) index in `lines` of each half-edge. A half-edge without a line takes the line of its twin."""
         line, twin = self.sides_on.ravel(), self.surface.edges.twins
         return np.where((line == 0) & (twin >= 0), line[twin], line).reshape(-1, 3)
 
@@ -280,7 +282,7 @@ def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:
 
 def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:
     """Return the hydraulic diameter (count,) of each piece of a part: 4 area / perimeter, metres.
-    It is infinite for a piece if not all of its boundary edges are walls.
+    The diameter is infinite for a piece with boundary edges that are not walls.
     walls : (e,) mask of edges between material and void.    label : (f,) piece of each face."""
     length = part.edge_lengths
     edge = np.flatnonzero(part.edges.boundary)
@@ -293,7 +295,8 @@ def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) ->
 
 
 def weighted_medians(values: Floats, weight: Floats, label: Ints, count: int) -> Floats:
-    """Return for each label the weighted median (count,) of its values (k,) that are not NaN; inf if there are none."""
+    """Return the weighted median (count,) of the values (k,) with each label; inf for a label without values.
+    NaN values do not count.    weight, label : (k,) of each value."""
     valid = np.flatnonzero((weight > 0) & ~np.isnan(values))
     order = valid[np.lexsort((values[valid], label[valid]))]
     x, group = values[order], label[order]
@@ -336,7 +339,7 @@ class SmoothSurface:
         return cls(surface, total / edges.count[:, None])
 
     def points(self, weights: csr_array) -> Floats:
-        """Return points (k, 3) on the patches, metres; weights : (k, n) barycentric, each row in a single face."""
+        """Return points (k, 3) of the smooth surface, m. weights : (k, n) barycentric, each row in a single face."""
         flat = np.asarray(weights @ self.surface.V)
         if not self.bulge.any():
             return flat
@@ -354,7 +357,7 @@ def _normal_component(chord: Floats, normal: Floats) -> Floats:
 
 
 def _corner_normals(surface: Surface) -> Floats:
-    """Return unit normals (m, 3, 3) at the corners of faces: the vertex's mean normal; at a crease the face's own."""
+    """Return unit normals (m, 3, 3) at face corners: the mean normal of the vertex, or the face normal at a crease."""
     corner, face = surface.F.ravel(), np.repeat(np.arange(surface.m), 3)
     first_face = np.zeros(surface.n, dtype=np.int64)
     first_face[corner[::-1]] = face[::-1]

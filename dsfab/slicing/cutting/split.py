@@ -17,9 +17,9 @@ class Split:
 
     cells  : the new polygons. `sides_on` is -1 - l for a side on level l.
     source : (c',) the old polygon that contains each new polygon.
-    strip  : (c',) how many levels lie below each new polygon; -1 for polygons that were not to be split.
+    strip  : (c',) number of levels below each new polygon; -1 for polygons that were not to be split.
     low, high, t : (k,) a new vertex lies at (1 - t) low + t high, 0 < t < 1.
-    side, level  : (k,) old side with each new vertex, and the field's value there."""
+    side, level  : (k,) old polygon side that contains each new vertex, and the field's value at the vertex."""
 
     cells: Cells
     source: Ints
@@ -32,7 +32,7 @@ class Split:
 
     @classmethod
     def unchanged(cls, cells: Cells, active: Bools) -> "Split":
-        """Return a split without cuts. active : (c,) polygons with `strip` 0; all further polygons get -1."""
+        """Return a split without cuts. `strip` is 0 for the polygons `active` (c,), and -1 for all further polygons."""
         no_index, no_value = np.empty(0, dtype=np.int64), np.empty(0)
         new_vertices = _NewVertices(no_index, no_index, no_value, no_index, no_value)
         return cls(cells, np.arange(len(cells.sizes)), np.where(active, 0, -1), *new_vertices)
@@ -52,8 +52,8 @@ class Split:
 
 @dataclass(frozen=True, eq=False)
 class SideValues:
-    """Values (h,) of a field at the start and the end of every side.
-    foreign : (k,) sides whose polygon has no value.    own : (h,) the field at the polygon corners."""
+    """Values (h,) of a field at the start and the end of every polygon side.
+    foreign : (k,) sides of polygons without a field value.    own : (h,) the field at the polygon corners."""
 
     start: Floats
     end: Floats
@@ -67,7 +67,8 @@ class SideValues:
 
     @classmethod
     def from_slots(cls, cells: Cells, y: Floats, foreign: Bools | None = None) -> "SideValues":
-        """Return values at both ends of sides. y : (h,) field at corners. foreign : (h,) sides without a value."""
+        """Return values at the two ends of each side. y : (h,) field at the polygon corners.
+        foreign : (h,) mask of sides without a value; they take the values of the neighbouring polygon."""
         if foreign is None or not foreign.any():
             return cls(y, cells.next_values(y), np.empty(0, dtype=np.int64), y)
         start, end = y.copy(), cells.next_values(y)
@@ -90,8 +91,9 @@ class SideValues:
         return cls(start, end, which, y)
 
     def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
-        """Return numbers for starts (h,) and ends (h,) of sides: 2 j + 1 on level j, 2 j between levels j - 1 and j.
-        only : (k,) sides to evaluate; all further sides get 0."""
+        """Return the positions among the levels (k,) of the field values at side starts (h,) and side ends (h,).
+        A position is 2 j + 1 on level j, and 2 j between levels j - 1 and j.
+        only : numbers of sides to evaluate; all further sides get 0."""
         if only is not None:
             start, end = np.zeros((2, len(self.start)), dtype=np.int64)
             start[only], end[only] = _level_places(self.start[only], levels), _level_places(self.end[only], levels)
@@ -108,7 +110,8 @@ class SideValues:
 @dataclass(frozen=True, eq=False)
 class _Sides:
     """Crossings of polygon sides (h,) with the levels of a field.
-    low, count : number of the first level; number of levels.    first : the new vertex nearest to the lower end.
+    low   : (h,) number of the lowest level on each side.    count : (h,) number of levels that cross the side.
+    first : (h,) number of the new vertex nearest to the lower end.
 
         lower end o------x-------x----o higher end      low = 2, count = 2, new vertices first + 0, first + 1
                      2   |   3   |  4                   strips 2, 3, 4: with 2, 3, 4 levels below
@@ -146,8 +149,8 @@ def split_cells(
 
     levels : (l,) strictly ascending.
     active : (c,) polygons to cut.
-    above  : (l,) True puts a polygon on this level into the strip above; default: into the even strip.
-    live   : (h,) sides that get new vertices even without an active polygon.    n : number of vertices."""
+    above  : (l,) True if a polygon on this level belongs to the strip above. Default: True for odd l.
+    live   : (h,) mask of sides that get new vertices even without an active polygon.    n : number of vertices."""
     above = np.arange(len(levels)) % 2 == 1 if above is None else above
     only = None
     if live is not None and not active.any():  # only polygons with a side in `live` can change
@@ -157,7 +160,7 @@ def split_cells(
     if len(x.foreign):
         lowest = np.minimum(lowest, (cells.per_polygon(np.minimum, ends[1]) + 1) // 2)
         highest = np.maximum(highest, cells.per_polygon(np.maximum, ends[1]) // 2)
-    # `strip` counts the levels below each polygon that no level cuts; the cut polygons follow later
+    # `strip`: number of levels below each uncut polygon; cut polygons get a value later
     strip = np.where(highest < lowest, highest + above[np.minimum(highest, len(levels) - 1)], lowest)
     strip[~active] = -1
     sides_on, which = _sides_on_levels(cells, ends, active), np.flatnonzero(highest > lowest)
@@ -246,7 +249,7 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
         return strip
     slot = np.where(flat, -1, np.arange(len(strip)))
     source = np.maximum.accumulate(slot)
-    before = source < cells.start[:-1][cells.owner]  # the first flat sides copy the last side that is not flat
+    before = source < cells.start[:-1][cells.owner]  # flat sides at the start copy the last non-flat side
     source[before] = cells.per_polygon(np.maximum, slot)[cells.owner[before]]
     return np.asarray(strip[source])
 
@@ -304,7 +307,7 @@ class Snapping(NamedTuple):
 
     fraction : largest move, as a fraction of the field's range on an edge.
     size     : size of the surface, metres.
-    hold     : vertices (k,) whose values never move."""
+    hold     : (k,) vertices with values that never move."""
 
     fraction: float
     size: float
@@ -335,7 +338,7 @@ def clean_split(
 
 
 def collapsed_corners(split: Split, X: Floats, size: float) -> Ints:
-    """Return vertices (k,) of cells without area. X : (n, 3) positions.    size : surface size, m."""
+    """Return the vertices (k,) of new cells that have no area. X : (n, 3) vertices, m.    size : surface size, m."""
     divided = np.flatnonzero(np.bincount(split.source)[split.source] > 1)
     if not len(divided):
         return divided

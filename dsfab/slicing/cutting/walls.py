@@ -16,7 +16,7 @@ SHARPEST = float(np.radians(20))  # Smallest turn of an outline at a corner, rad
 
 @dataclass(frozen=True, eq=False)
 class Walls:
-    """Walls (w,) of a cut surface, one chain after the other. The void lies on the left of each wall.
+    """Walls (w,) of a cut surface: edges between material and void, sorted by chain. The void is left of a wall.
     surface : all cells, material and void.    void : (m',) mask of the void cells.
     inside, outside : (w,) half-edge in the void cell, and half-edge in the material cell.
     start, end : (w,) vertices.    length : (w,) metres.    place : (w,) metres along the chain to `start`.
@@ -73,7 +73,8 @@ class Walls:
         return cell.reshape(-1, 3)
 
     def walls_ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
-        """Return the wall `steps` places ahead of each wall (k,), and a mask (k,) of existing walls."""
+        """Return the wall that is `steps` (k,) walls ahead in the chain of each wall (k,).
+        Return also a mask (k,): False beyond the ends of an open chain."""
         chain = self.chain[wall]
         begin, size = self.begin[chain], self.begin[chain + 1] - self.begin[chain]
         position = wall - begin + steps
@@ -82,7 +83,7 @@ class Walls:
 
     @cached_property
     def chain_offsets(self) -> Floats:
-        """(c,) start of each chain if all chains are laid end to end, metres."""
+        """(c,) total length of the chains before each chain, metres."""
         return np.asarray(np.cumsum(self.total) - self.total)
 
     def walls_at(self, chain: Ints, place: Floats) -> Ints:
@@ -92,7 +93,7 @@ class Walls:
         return np.clip(wall, self.begin[chain], self.begin[chain + 1] - 1)
 
     def points(self, wall: Ints, share: Floats) -> Floats:
-        """Return points (k, 3) on walls (k,). share : (k,) 0 at the start, 1 at the end."""
+        """Return points (k, 3) on walls (k,). share : (k,) position on the wall, 0 at its start, 1 at its end."""
         segment_start, segment_end = self.surface.V[self.start[wall]], self.surface.V[self.end[wall]]
         return np.asarray(segment_start + share[:, None] * (segment_end - segment_start))
 
@@ -120,7 +121,7 @@ class Walls:
 
 
 def next_in_chains(chain: Ints) -> Ints:
-    """Return the number (k,) of the next position in the same chain, and of the first position at the end.
+    """Return for each position the number (k,) of the next position in its chain; the first follows the last.
     chain : (k,) the chain of each position; positions of a chain are adjacent."""
     after = np.arange(1, len(chain) + 1)
     chain_start = np.flatnonzero(np.diff(chain, prepend=-1))
@@ -157,9 +158,9 @@ def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """Parts (p,) of chains of walls. A part has one entry, or two if it crosses the start of a closed chain.
-    low, high : (q,) start and end of each entry, metres, with all chains laid end to end.    part : (q,) its part.
-    before    : (c,) start of each chain, metres."""
+    """Parts (p,) of chains of walls. A part across the start of a closed chain has two entries.
+    low, high : (q,) start and end of each entry, metres, plus the length of all earlier chains.
+    part      : (q,) part of each entry.    before : (c,) length of all chains before each chain, metres."""
 
     low: Floats
     high: Floats
@@ -190,7 +191,7 @@ class Stretches:
         return np.asarray((index >= 0) & (x <= self.high[order][np.maximum(index, 0)]))
 
     def overlaps(self, stretches: "Stretches", count: int) -> Bools:
-        """Return a mask (count,) of parts that overlap any part of `stretches`, which must be disjoint."""
+        """Return a mask (count,) of parts that overlap parts of `stretches`. `stretches` must be disjoint."""
         if not len(stretches.low):
             return np.zeros(count, dtype=bool)
         order = np.argsort(stretches.low)
@@ -199,7 +200,7 @@ class Stretches:
         return np.asarray(np.bincount(self.part, into, count) > 0)
 
     def disjoint(self, count: int) -> Bools:
-        """Return a mask (count,) of parts that do not overlap, long parts first."""
+        """Return a mask (count,) of parts that do not overlap. Where two parts overlap, the longer part remains."""
         length = np.bincount(self.part, self.high - self.low, count)
         stay, taken = np.ones(count, dtype=bool), list[tuple[float, float]]()
         for k in np.argsort(-length[self.part], kind="stable").tolist():

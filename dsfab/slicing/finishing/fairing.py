@@ -1,4 +1,4 @@
-"""Fairing of walls."""
+"""Fairing: walls (the edges between material and void) become smooth."""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -51,7 +51,8 @@ def faired_walls(sheet: Sheet) -> Sheet:
 
 
 def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
-    """Return the possible moves of vertices (k,). weights : (k, n) barycentric weights on the uncut vertices."""
+    """Return the directions in which vertices (k,) can move inside their uncut face or edge.
+    weights : (k, n) barycentric weights of the vertices on the uncut vertices."""
     column, weight = weight_entries(weights)
     has_weight = weight > 0
     count = has_weight.sum(axis=1)
@@ -157,7 +158,7 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
 
 @dataclass(frozen=True, eq=False)
 class Division:
-    """Walls (k,) to divide; positions V (k, 3) and barycentric weights (k, n) of new vertices."""
+    """Walls (k,) to divide, each by a new vertex. V : (k, 3) new vertices, m. weights : (k, n) barycentric weights."""
 
     wall: Ints
     V: Floats
@@ -170,7 +171,7 @@ class Division:
 
 
 def divided_walls(sheet: Sheet) -> Sheet:
-    """Divide bent walls of a sheet."""
+    """Divide walls of a sheet where the outline bends. New vertices follow the bend, so the outline gets smoother."""
     for _ in range(3):  # each division about halves the angles between consecutive walls
         division = _division(sheet)
         if not len(division.wall):

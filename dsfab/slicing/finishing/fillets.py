@@ -20,7 +20,7 @@ from dsfab.slicing.finishing.point_contacts import pinched_vertices
 
 @dataclass(frozen=True, eq=False)
 class DiscStops:
-    """Places (p,) where a rolling disc stops, because it touches two walls of a flat opening.
+    """Positions (p,) at which a disc that rolls inside a flat opening stops, because it touches two walls.
     middle : (p, 2) centre of the disc, metres.    before, behind : (p, 2) unit vectors from the centre to the walls.
     a, b   : (p,) the two walls, as indices into `FlatOpenings.wall`.
     share_a, share_b : (p,) positions of the contacts on the walls, 0 to 1."""
@@ -85,7 +85,7 @@ def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> DiscStops:
 
 
 def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Return the points (p, 2) at which loops turn left, and two unit normals (p, 2)."""
+    """Return the points (p, 2) at which loops turn left, and right unit normals (p, 2) before and after the turn."""
     empty = np.empty((0, 2))
     points, rights = [empty], ([empty], [empty])
     for loop in loops:
@@ -100,7 +100,8 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
-    """Return the discs in `stop` before narrow tips of an opening, and two vertices of each tip."""
+    """Return the discs of `stop` that stop before a narrow tip of an opening.
+    Return also two candidates for the vertex of each tip, as indices into `FlatOpenings.wall`."""
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
@@ -157,11 +158,11 @@ class Fillets:
         return np.asarray(self.circle[:, 6])
 
     def beyond_chords(self, arc: Ints, X: Floats) -> Floats:
-        """Return how far (p,), m, points X (p, 3) lie beyond the chords of their arcs (p,); negative inside."""
+        """Return the distances (p,), m, of points X (p, 3) beyond the chords of arcs (p,); negative inside."""
         return np.asarray((np.einsum("pci,pi->pc", self.normal[arc], X) - self.distance[arc]).max(axis=1))
 
     def outside_rays(self, arc: Ints, X: Floats) -> Floats:
-        """Return how far (p,), m, points X (p, 3) lie outside the rays of their arcs (p,); negative between."""
+        """Return the distances (p,), m, of points X (p, 3) outside the end rays of arcs (p,); negative between them."""
         return np.asarray((np.einsum("pci,pi->pc", self.ray[arc], X) - self.ray_distance[arc]).max(axis=1))
 
     def subset(self, chosen: Bools) -> "Fillets":
@@ -181,7 +182,7 @@ class Fillets:
 
 
 def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
-    """Return arcs at corners of openings, of `radius` metres or smaller."""
+    """Return an arc at each corner of an opening where an arc fits. radius : largest radius, metres."""
     corners, accepted, taken = Corners.from_walls(sheet.walls), list[Fillets](), list[Stretches]()
     for tips, arcs in rolled_arcs(sheet, radius, taken):
         for rays in (False, True):
@@ -210,7 +211,7 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
 
 
 def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
-    """Return arcs as fillets in space, and a mask (k,) of usable arcs."""
+    """Convert plane arcs to fillets in space. Return also a mask (k,) of arcs that touch no further walls."""
     walls, surface, void_neighbours = corners.walls, corners.walls.surface, corners.walls.void_neighbours
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
@@ -340,7 +341,7 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """Return the cut mesh, the old number of each polygon, and a mask of the new material."""
+    """Cut void polygons along fillets. Return the mesh, each polygon's old number (c,), and a mask of new material."""
     arc = np.where(mesh.void, arc, -1)
     source, beyond = np.arange(len(arc)), np.zeros(len(arc), dtype=bool)
     planes = [(fillets.ray[:, k], fillets.ray_distance[:, k], True) for k in range(fillets.ray.shape[1])]

@@ -43,7 +43,7 @@ from dsfab.slicing.finishing.stubs import without_stubs
 from dsfab.surface import Surface
 
 BRIDGED_SHARE, ROUNDING_ROUNDS = 0.95, 5
-"""After the rounding of corners, openings under BRIDGED_SHARE x `neck` get bridges, in up to ROUNDING_ROUNDS rounds."""
+"""After rounding, openings narrower than BRIDGED_SHARE x `neck` get bridges, in at most ROUNDING_ROUNDS rounds."""
 
 PolygonPass = Callable[[PolygonMesh], tuple[PolygonMesh, int]]
 """A pass over the polygons: it returns all polygons, and the number of details that it changed."""
@@ -53,7 +53,7 @@ def tidied_sheet(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> Sheet:
     """Cut a surface along levels of fields; return all cells as triangles.
-    fields, levels, snap : as in `cut`.    tidy : None to leave the stripes as cut."""
+    fields, levels, snap : as in `cut`.    tidy : rules for the removal of stripes, or None."""
     return sheet_of(tidied_polygons(surface, fields, levels, snap, tidy))
 
 
@@ -61,7 +61,7 @@ def material_area(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> float:
     """Return the area, m2, of the material after a cut along levels of fields.
-    fields, levels, snap : as in `cut`.    tidy : None to leave the stripes as cut."""
+    fields, levels, snap : as in `cut`.    tidy : rules for the removal of stripes, or None."""
     return tidied_polygons(surface, fields, levels, snap, tidy).material_area
 
 
@@ -69,7 +69,7 @@ def tidied_polygons(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> PolygonMesh:
     """Cut a surface into polygons along levels of fields.
-    fields, levels, snap : as in `cut`.    tidy : None to leave the stripes as cut."""
+    fields, levels, snap : as in `cut`.    tidy : rules for the removal of stripes, or None."""
     values, lines = checked_lines(surface, fields, levels)
     if not tidy:
         return polygons_along(surface, fields, values, lines, snap)
@@ -82,7 +82,7 @@ def tidied_polygons(
 def polygon_passes(
     surface: Surface, fields: Sequence[Field], lines: Sequence[Floats], tidy: Tidy
 ) -> Iterator[tuple[str, PolygonPass]]:
-    """Yield name and function of each step that tidies the polygons. lines : levels of each field."""
+    """Yield name and function of each pass over the polygons. lines : levels of each field."""
     yield "ends", partial(with_meeting_ends, fields=fields, levels=lines)
     yield "closed", partial(with_closed_openings, closed=tidy.closed)
     yield "loose_ends", partial(without_loose_ends, tidy=tidy)
@@ -93,9 +93,9 @@ def polygon_passes(
 class FinishingOptions(NamedTuple):
     """Options of finishing; lengths in metres.
     sized     : True if the preset sets the size `opening`.
-    opening   : openings under this size are filled; 0 for none.
-    merge     : which slits are filled. With "none", neck and member have no effect.
-    neck      : narrower openings get a bridge; 0 for none.
+    opening   : size under which openings are filled; 0 for none.
+    merge     : rule for slits that are filled. With "none", neck and member have no effect.
+    neck      : width under which openings get a bridge; 0 for none.
     fillet    : radius of round corners; 0 for none.
     member    : minimum width of members between round corners; 0 for none.
     least     : minimum widths of openings and of members; 0 for no limit.
@@ -139,7 +139,7 @@ class FinishedSheet:
     shape: str = ""
 
     def with_cells(self, cells: Sheet, **counts: int) -> "FinishedSheet":
-        """Return this sheet with new cells. counts : further numbers of changes."""
+        """Return this sheet with new cells. counts : numbers of changes to add, by name of the pass."""
         return replace(self, cells=cells, counts=self.counts + Counter(counts))
 
 
@@ -154,7 +154,7 @@ def finish(cells: Sheet, uncut: Surface, options: FinishingOptions, trial: "Tria
 
 
 def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> Iterator[tuple[str, Pass]]:
-    """Yield name and function of each pass over the cells, without passes of the trial cut."""
+    """Yield name and function of each pass over the cells. A trial cut replaces the passes before rounding."""
     if trial:
         unrounded = trial.unrounded
         yield "trial", lambda _: unrounded
@@ -198,7 +198,7 @@ def _counting_pass(name: str, change: Callable[[Sheet], tuple[Sheet, int]]) -> t
 
 
 def unrounded_sheet(cells: Sheet, options: FinishingOptions) -> FinishedSheet:
-    """Run all passes before rounding."""
+    """Return a sheet after all passes that come before the rounding of corners."""
     return _after_passes(cells, passes_before_rounding(options))
 
 
@@ -235,7 +235,7 @@ def _rounded_once(sheet: FinishedSheet, options: FinishingOptions) -> FinishedSh
 
 
 def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions) -> tuple[Sheet, int, int]:
-    """Return the cells, the number of bridges, and the number of widened places."""
+    """Bridge narrow openings, or else widen narrow members. Return also the numbers of bridges and widened places."""
     if options.merge == "none":
         return cells, 0, 0
     if options.neck:
@@ -270,7 +270,7 @@ def _with_better_cells(sheet: FinishedSheet, uncut: Surface, tolerance: float) -
 
 @dataclass(frozen=True, eq=False)
 class TrialCut:
-    """A cut that the search for stripe widths made.
+    """A cut with its finishing, made by the search for stripe widths. Slicing can continue from the last trial cut.
     inputs  : fields, levels and `Tidy` rules of the pattern.    cells : sheet before finishing.
     rounded : sheet after the first rounding, or None.    bridged : sheet with added bridges.
     least   : minimum widths of openings and members, metres, and the sheet with these widths."""
@@ -285,7 +285,7 @@ class TrialCut:
 
     @classmethod
     def from_cells(cls, inputs: tuple[object, object, object], cells: Sheet, options: FinishingOptions) -> "TrialCut":
-        """Make a trial cut from the cells of a cut."""
+        """Make a trial cut: finish the cells of a cut up to the first rounding of corners."""
         unrounded = unrounded_sheet(cells, options)
         rounded = _rounded_once(unrounded, options) if options.fillet else None
         return cls(inputs, options, cells, unrounded, rounded)
@@ -295,7 +295,7 @@ class TrialCut:
         return all(a is b for a, b in zip(self.inputs, inputs, strict=True))
 
     def serves(self, inputs: tuple[object, object, object], options: FinishingOptions) -> bool:
-        """Return True if slicing may continue from this cut."""
+        """Return True if slicing with these inputs and options can continue from this cut."""
         return self.is_cut_of(inputs) and options.of_trial == self.options.of_trial
 
     @property
@@ -317,7 +317,7 @@ class TrialCut:
 
     @property
     def widened_area(self) -> float:
-        """Area that the pass for minimum widths adds, square metres."""
+        """Area of material that the pass for minimum widths added, square metres."""
         return self.least[1].cells.material_area - self.latest.cells.material_area if self.least else 0.0
 
     def with_bridges(self) -> "TrialCut":

@@ -37,14 +37,14 @@ class FlatOpenings:
 
     @cached_property
     def shape(self) -> "manifold3d.CrossSection":
-        """Openings of the sheet as a plane shape."""
+        """The openings as regions of a plane."""
         import manifold3d
 
         loops = np.split(self.start, np.flatnonzero(np.diff(self.chain)) + 1)
         return manifold3d.CrossSection(loops if len(self.wall) else [], manifold3d.FillRule.Positive)
 
     def room(self, radius: float) -> "manifold3d.CrossSection":
-        """Return the region of the centres of discs of `radius` metres that fit into an opening."""
+        """Return the region in which the centre of a disc can lie, if the disc fits in an opening. radius : metres."""
         return offset_shape(self.shape, -radius)
 
     def nearest_walls(self, points: Floats) -> tuple[Ints, Floats]:
@@ -64,7 +64,7 @@ class FlatOpenings:
 
 @derived
 def flat_openings_of(sheet: Sheet) -> FlatOpenings:
-    """Return the enclosed openings of a sheet, side by side in a plane."""
+    """Project each enclosed opening of a sheet to its mean plane; return the openings side by side in a plane."""
     walls, void, (count, label) = sheet.walls, sheet.void_part, sheet.void_part.surface.pieces
     opening = np.empty(sheet.surface.m, dtype=np.int64)
     opening[void.cells] = label
@@ -92,7 +92,7 @@ def nearest_in_plane(points: Floats, V: Floats, simplices: Ints) -> NearestPlace
 
 
 def offset_shape(shape: "manifold3d.CrossSection", by: float) -> "manifold3d.CrossSection":
-    """Grow a shape by a length; shrink it if the length is negative."""
+    """Offset a shape outwards by the length `by`, or inwards if `by` is negative."""
     import manifold3d
 
     return shape.offset(by, manifold3d.JoinType.Round, circular_segments=48).simplify(SMOOTH * abs(by))
@@ -105,7 +105,7 @@ def _mean_planes(normal: Floats, label: Ints, count: int) -> Floats:
 
 
 LONG, BULKY = 4.0, 0.7
-"""A dead end is long if its length > LONG x disc radius, and its area > BULKY x its length x width of its entrance."""
+"""A dead end of an opening is long if length > LONG x disc radius, and area > BULKY x length x width of the mouth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ class NarrowPart:
     runs: tuple[Floats, ...]
 
     def narrowest(self) -> Floats:
-        """Return the two nearest points (2, 2) on different `runs`."""
+        """Return two points (2, 2), metres, on different `runs` with the least distance."""
         pairs = [_nearest_points(a, b) for a, b in combinations(self.runs, 2)]
         return min(pairs, key=lambda points: float(np.linalg.norm(points[1] - points[0])))
 
@@ -181,7 +181,7 @@ def _is_alley(run: Floats, radius: float) -> bool:
 
 def _mouth_sides(run: Floats, radius: float) -> tuple[Floats, Floats]:
     place = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
-    low, high = 1.2 * radius, 3.2 * radius  # a side lies between these distances (m) from an end of `run`
+    low, high = 1.2 * radius, 3.2 * radius  # range (m) of a mouth's side, measured from an end of `run`
     sides = []
     for begin, end in ((low, high), (place[-1] - high, place[-1] - low)):
         stations = np.concatenate([[begin], place[(place > begin) & (place < end)], [end]])

@@ -21,9 +21,9 @@ NOWHERE = np.empty((0, 2, 3))
 
 
 def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, widest: bool = False) -> Floats:
-    """Return pairs of points (k, 2, 3) on the walls of openings narrower than `least` metres, narrowest first.
-    apart  : least distance between two pairs, metres.    tips : True to include openings' pointed ends.
-    widest : True for widest first."""
+    """Return places where openings are narrower than `least` metres: pairs of points (k, 2, 3) on opposite walls.
+    apart  : least distance between two places, metres.    tips : True to include pointed ends of openings.
+    widest : True to begin with the widest place. By default, the narrowest place is first."""
     if not cells.has_openings:
         return NOWHERE
     void = cells.void_part
@@ -32,9 +32,9 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
-    """Return pairs of points (k, 2, 3) on the sides of members narrower than `least` metres.
-    The members are also narrower than `LOCAL` x median width.
-    apart : least distance between two pairs, metres."""
+    """Return places where members are narrower than `least` metres: pairs of points (k, 2, 3) on opposite edges.
+    At these places, members are also narrower than `LOCAL` x median width.
+    apart : least distance between two places, metres."""
     if not cells.has_openings:
         return NOWHERE
     material = cells.material_part
@@ -58,8 +58,8 @@ def _crossings_from_openings(material: SheetPart, **options: Any) -> Crossings:
 
 
 def members_under(cells: Sheet, least: float, apart: float) -> Floats:
-    """Return pairs of points (k, 2, 3) on the sides of members narrower than `least` metres.
-    apart : least distance between two pairs, metres."""
+    """Return places where members are narrower than `least` metres: pairs of points (k, 2, 3) on opposite edges.
+    apart : least distance between two places, metres."""
     if not cells.has_openings:
         return NOWHERE
     across = _crossings_from_openings(cells.material_part, reach=least)
@@ -86,7 +86,7 @@ REACH = 0.25  # A bridge extends beyond each wall of the opening by this fractio
 
 @dataclass(frozen=True, eq=False)
 class Neck:
-    """A narrow place of an opening: points (2, 3) on two walls, and numbers of the walls."""
+    """A narrow place of an opening. ends : (2, 3) points on two opposite walls, m. walls : numbers of the walls."""
 
     ends: Floats
     walls: tuple[int, int]
@@ -111,8 +111,8 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
 
 def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tuple[Sheet, int]:
     """Add bridges where openings of `rounded` are narrower than `least` metres; return also the number of bridges.
-    rounded : sheet to measure.    width : largest width of bridges, metres."""
-    for slim in (1.0 * width, 0.5 * width):  # a narrower bridge may fit where a broad one does not
+    rounded : sheet in which widths are measured.    width : largest width of bridges, metres."""
+    for slim in (1.0 * width, 0.5 * width):  # a narrow bridge fits where a broad bridge does not
         better, count = bridged_at(cells, narrow_gaps(rounded, least, 2 * slim), slim)
         if count:
             return better, count
@@ -120,7 +120,7 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
 
 
 def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = OPENINGS_SNAP) -> tuple[Sheet, int]:
-    """Add bridges of `width` metres at pairs of points (k, 2, 3); return also the number of bridges."""
+    """Add bridges of `width` metres at `places` (k, 2, 3), pairs of points; return also the number of bridges."""
     if not len(places):
         return cells, 0
     wall, ends = cells.walls.nearest(places.reshape(-1, 3))
@@ -157,8 +157,8 @@ def _bridges(cells: Sheet, necks: list[Neck], width: float) -> list[Strip]:
 
 
 def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, int]:
-    """Add strips beside members narrower than `least` metres; return also the number of widened places.
-    rounded : sheet to measure."""
+    """Widen members that are narrower than `least` metres, by strips; return also the number of widened places.
+    rounded : sheet in which widths are measured."""
     if not len(narrow := narrow_members(rounded, least, 0.8 * least)):
         return cells, 0
     half = np.array([1.04 * least / 2, least / 2])
@@ -185,7 +185,7 @@ SNAP = 0.05  # Vertices move onto a strip's side if they are nearer than this fr
 
 
 class LeastWidths(NamedTuple):
-    """The cells after all changes, and numbers of changes."""
+    """The cells after all changes; numbers of filled openings, bridges, widened places, filled slits, late bridges."""
 
     cells: Sheet
     filled: int
@@ -243,7 +243,7 @@ def _with_bridged_gaps(cells: Sheet, gap: float) -> tuple[Sheet, int]:
         places = narrow_gaps(cells, gap, 2.0 * gap, tips=True, widest=attempt % 2 == 0)
         cells, count = bridged_at(cells, places, gap, SNAP)
         total, idle = total + count, 0 if count else idle + 1
-        if not len(places) or idle == 2:  # idle 2: neither order of the places gave a new bridge
+        if not len(places) or idle == 2:  # two rounds, widest or narrowest first, gave no bridge
             break
     return cells, total
 
@@ -251,7 +251,7 @@ def _with_bridged_gaps(cells: Sheet, gap: float) -> tuple[Sheet, int]:
 def _with_side_strips(cells: Sheet, member: float) -> tuple[Sheet, int]:
     if not len(places := members_under(cells, member, 1.5 * member)):
         return cells, 0
-    half = np.array([1.1 * member / 2, 1.5 * member])  # factor 1.1 : margin for walls that are not parallel
+    half = np.array([1.1 * member / 2, 1.5 * member])  # 1.1 leaves a margin for walls that are not parallel
     wall, ends = cells.walls.nearest(places.reshape(-1, 3))
     inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # mask of ends that lie on walls
     strips = []

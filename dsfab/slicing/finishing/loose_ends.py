@@ -31,8 +31,8 @@ class Tidy:
         lock(self, "anchor", np.bool_, (None,))
 
     def divided_again(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
-        """Return a mask (c,) of the polygons that later cuts must divide, too.
-        blank : (m,) faces without values of field k, and the faces beside them."""
+        """Return a mask (c,) of polygons in stripes of field k that the next fields must cut, too.
+        blank : (m,) mask of faces without values of field k, and of neighbouring faces."""
         own_polygons = (mesh.family == k) | (mesh.also == k)
         if not self.striped[k] or not own_polygons.any():
             return np.zeros_like(own_polygons)
@@ -73,7 +73,7 @@ CROSSING, KEPT, NODE = -1, -2, -3  # Kinds of polygons. Other polygons have the 
 
 
 def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
-    """Remove stripes with the wrong direction, then dead ends; return also the number of removed parts."""
+    """Remove parts of stripes with the wrong direction, then dead ends; return also the number of removed parts."""
     part, gone, stays = _parts(mesh, tidy, np.zeros_like(mesh.void))
     gone |= ~stays & _astray(mesh, tidy, part, len(gone))
     loose, islands = _loose_polygons(mesh, tidy.anchor, part, gone, stays)
@@ -82,14 +82,15 @@ def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]
 
 
 def dependent_polygons(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
-    """Return a mask (c,) of `nodes` (c,), and of stripes that become dead ends without these nodes."""
+    """Return a mask (c,) of nodes, and of stripes that become dead ends without these nodes.
+    nodes : (c,) mask of polygons where ends of stripes meet."""
     part, gone, stays = _parts(mesh, tidy, nodes)
     gone[part[nodes]] = True
     return _loose_polygons(mesh, tidy.anchor, part, gone, stays)[0] & ~mesh.void
 
 
 def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
-    """Return the number (c,) of the stripe part in which each polygon lies; -1 at crossings and outside stripes."""
+    """Number the parts of stripes between crossings. Return each polygon's part (c,); -1 at crossings and in void."""
     part, _, stays = _parts(mesh, tidy, nodes)
     single_stripe = ~mesh.void & ~stays[part] & ((mesh.also == VOID) | nodes)
     return np.where(single_stripe, part, -1)
@@ -132,7 +133,7 @@ def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
 
 
 def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequence[Floats]) -> tuple[PolygonMesh, int]:
-    """Fill void polygons where stripes meet; return also the number of filled polygons."""
+    """Fill void polygons where ends of stripes meet; return also the number of filled polygons."""
     corner_fields = {k: field for k, field in enumerate(fields) if isinstance(field, CornerField) and len(levels[k])}
     blank = {k: field.blank[mesh.parent] & mesh.void for k, field in corner_fields.items()}
     open_ = np.any(list(blank.values()), axis=0) if blank else np.zeros(len(mesh.parent), dtype=bool)
@@ -154,7 +155,7 @@ def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequen
 
 
 def nodes_of(mesh: PolygonMesh) -> Bools:
-    """Return a mask (c,) of material that joins ends of stripes in faces without field values."""
+    """Return a mask (c,) of nodes: material in faces without field values, where ends of stripes meet."""
     return np.asarray((mesh.also == mesh.family) & ~mesh.void)
 
 
@@ -214,7 +215,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
     count, every = len(X), np.arange(len(X))
-    least = 1e-3 * _area(X)  # corners of a smaller area stay
+    least = 1e-3 * _area(X)  # smallest area of a cut corner
     marked = has_neighbour | np.roll(has_neighbour, 1)
     if not marked.any():
         return [every]

@@ -51,7 +51,7 @@ GAIN = 1.01
 @dataclass(frozen=True, eq=False)
 class CellMesh:
     """A cut sheet during its improvement, and the surface `uncut` before the cut.
-    strayed        : (n',) upper limit of the moves of stripe edges at each vertex so far, metres.
+    strayed        : (n',) upper bound of the distance by which stripe edges have moved at each vertex, metres.
     smallest_angle : (m',) the smallest angle of each cell, degrees.
     least_area     : minimum area of a cell, square metres."""
 
@@ -84,7 +84,7 @@ class CellMesh:
         return self.key(*self.surface.edges.ends.T)
 
     def key(self, a: Ints, b: Ints) -> Ints:
-        """Return a number (k,) for the edge between vertices a (k,) and b (k,), in either order."""
+        """Return a unique number (k,) for each pair of vertices a (k,) and b (k,), independent of their order."""
         return np.minimum(a, b) * len(self.surface.V) + np.maximum(a, b)
 
     def edge(self, a: Ints, b: Ints) -> Ints:
@@ -112,7 +112,7 @@ class CellMesh:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of the numbers of each vertex's neighbours along `lines`."""
+        """(n',) for each vertex, the sum of the indices of its neighbours along edges in `lines`."""
         total = np.zeros(len(self.surface.V), dtype=np.int64)
         a, b = self.surface.edges.ends[self.lines].T
         np.add.at(total, a, b)
@@ -120,12 +120,13 @@ class CellMesh:
         return total
 
     def angles(self, F: Ints, parent: Ints) -> Floats:
-        """Return the smallest angle (k,) of triangles, degrees: negative if reversed, 0 without area."""
+        """Return the smallest angle (k,) of each triangle F (k, 3), degrees: negative if reversed, 0 without area.
+        parent : (k,) uncut face of each triangle."""
         return _cell_angles(self.surface.V[F], self.uncut.normals[parent], self.least_area)
 
     @cached_property
     def stars(self) -> tuple[Ints, Ints]:
-        """Cells (3 m',) by vertex, and start (n' + 1,). The cells at vertex v are cells[start[v] : start[v + 1]]."""
+        """Cells (3 m',), sorted by vertex, and start (n' + 1,). Vertex v has cells[start[v] : start[v + 1]]."""
         start = np.concatenate([[0], np.cumsum(np.bincount(self.surface.F.ravel(), minlength=len(self.surface.V)))])
         return equal_key_groups(self.surface.F.ravel())[0] // 3, start
 
@@ -138,7 +139,7 @@ class CellMesh:
         return row, faces[begin + np.arange(len(row))]
 
     def with_cells(self, F: Ints, sides_on: Ints, keep: Bools, strayed: Floats) -> "CellMesh":
-        """Return the mesh with only those triangles of F (m', 3) that `keep` (m',) marks. sides_on : (m', 3)."""
+        """Return the mesh with the triangles of F (m', 3) that `keep` (m',) marks. sides_on : (m', 3) as in `Sheet`."""
         parent, angle = self.sheet.parent, self.smallest_angle.copy()
         changed = (F != self.surface.F).any(axis=1) & keep
         angle[changed] = self.angles(F[changed], parent[changed])
@@ -163,19 +164,19 @@ def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
 
 
 class CollapseMoves(NamedTuple):
-    """Moves of vertices v (k,) onto neighbours w (k,). strayed : (k,) moves of stripe edges so far, metres."""
+    """Moves of vertices v (k,) onto neighbours w (k,). strayed : (k,) largest moves of stripe edges, m."""
 
     v: Ints
     w: Ints
     strayed: Floats
 
     def subset(self, which: Bools | Ints) -> "CollapseMoves":
-        """Return the chosen (k,) moves."""
+        """Return the moves that the mask or index array `which` selects."""
         return CollapseMoves._make(column[which] for column in self)
 
 
 class Change(NamedTuple):
-    """A mesh after some changes, and the number of changes. zone : (n',) vertices for the next round."""
+    """A mesh after some changes, and the number of changes. zone : (n',) mask of vertices for the next round."""
 
     mesh: CellMesh
     number: int
@@ -184,7 +185,7 @@ class Change(NamedTuple):
 
 def collapse_edges(cut: CellMesh, tolerance: float, zone: Bools) -> Change:
     """Collapse edges where this increases the smallest angle around a vertex.
-    tolerance : largest move of stripe edges and of the surface's boundary, metres.    zone : (n',) mask of vertices."""
+    tolerance : largest move of stripe edges and of the surface's boundary, m.    zone : (n',) vertices to check."""
     moves = _within_faces(cut, _along_lines(cut, _candidates(cut, zone), tolerance))
     moves, gain = _improving_moves(cut, moves)
     zone = np.zeros(len(zone), dtype=bool)
@@ -298,7 +299,7 @@ def flip_edges(cut: CellMesh, zone: Bools) -> Change:
      \|/          \ /
       d            d
 
-    zone : (n',) mask of vertices with all corners of at least one of the two cells."""
+    zone : (n',) mask of vertices. It must mark all corners of at least one of the two cells."""
     h, g = cut.surface.edges.pairs.T
     f, e = h // 3, g // 3
     parent, family = cut.sheet.parent, cut.sheet.family
@@ -311,7 +312,7 @@ def flip_edges(cut: CellMesh, zone: Bools) -> Change:
     parent = parent[f]
     new_angle = np.minimum(cut.angles(first_cell, parent), cut.angles(second_cell, parent))
     old_angle = np.minimum(cut.smallest_angle[f], cut.smallest_angle[e])
-    better = np.flatnonzero(new_angle > GAIN * old_angle)  # no edge a-b exists, because it would cross c-d
+    better = np.flatnonzero(new_angle > GAIN * old_angle)  # edge a-b cannot exist yet: it would cross c-d
     better = better[np.argsort(-(new_angle - old_angle)[better], kind="stable")]
     zone = np.zeros(len(zone), dtype=bool)
     zone[first_cell[better]] = zone[second_cell[better]] = True

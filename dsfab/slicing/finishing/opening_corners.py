@@ -41,12 +41,12 @@ class Arcs:
         return np.asarray((np.arctan2(y, x) - self.begin) % (2 * np.pi))
 
     def subset(self, chosen: Bools | Ints) -> "Arcs":
-        """Return the chosen (k,) arcs."""
+        """Return the arcs that the mask or index array `chosen` selects."""
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def rays(self) -> tuple[Floats, Floats]:
-        """Return two lines for each arc, from the centre through the ends.
-        Lines have unit normals (k, 2, 2), out of the arc's sector, and distances (k, 2) from the origin."""
+        """Return for each arc the two rays from the centre through the ends.
+        Rays have unit normals (k, 2, 2), out of the arc's sector, and distances (k, 2) from the origin."""
         a, b = (unit_vectors(foot - self.centre) for foot in (self.foot_a, self.foot_b))
         normal = np.stack([np.stack([a[:, 1], -a[:, 0]], axis=1), np.stack([-b[:, 1], b[:, 0]], axis=1)], axis=1)
         return normal, np.einsum("kci,ki->kc", normal, self.centre)
@@ -68,7 +68,7 @@ class Arcs:
 def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | None = None) -> Arcs:
     """Return arcs of radii (k,) that touch polylines a (k, p, 2) and b (k, q, 2) from a common corner.
     The void is on the right of a and on the left of b.
-    first_centre : (k, 2) first guess."""
+    first_centre : (k, 2) first guess of the centres, or None."""
     if first_centre is None:
         centre, valid = _first_centres(a, b, radius)
     else:
@@ -96,7 +96,7 @@ def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]
 
 
 def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """Return centres (k, 2) of circles that touch two lines, and a mask (k,) of lines that intersect.
+    """Return centres (k, 2) of circles that touch two lines, and a mask (k,), False for nearly parallel lines.
     p, q : (k, 2) a point on each line.    m, n : (k, 2) unit normals of the lines, towards the centre."""
     det = m[:, 0] * n[:, 1] - m[:, 1] * n[:, 0]
     regular = np.abs(det) > 0.02  # at smaller values, the lines are nearly parallel
@@ -139,16 +139,16 @@ class Corners:
         return cls(walls, rows, walls.turns[rows], walls.place[rows])
 
     def subset(self, chosen: Bools | Ints) -> "Corners":
-        """Return the chosen (k,) corners."""
+        """Return the corners that the mask or index array `chosen` selects."""
         return replace(self, first=self.first[chosen], turn=self.turn[chosen], place=self.place[chosen])
 
     def stretches(self, arcs: Arcs) -> Stretches:
-        """Return for each corner the stretch of wall that the corner's arc replaces."""
+        """Return the stretch of wall that each corner's arc replaces."""
         chain = self.walls.chain[self.first]
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners with the ends of arcs (p,) in place of the corners `tips` (p,).
+        """Return corners in which the two ends of each arc (p,) replace the corner of `tips` (p,) that the arc rounds.
         An end of an arc has `turn` 0."""
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
@@ -177,7 +177,7 @@ class Corners:
 
     @cached_property
     def wall_lengths(self) -> tuple[Floats, Floats]:
-        """Distances (k,), (k,) along walls to the previous and next corner, or chain end, metres."""
+        """Distances along walls to the previous corner (k,) and the next corner (k,), or to a chain's end, metres."""
         walls, follow, before = self.walls, self.next_corner, self.previous_corner
         chain = walls.chain[self.first]
         total, place = walls.total[chain], self.place
@@ -188,12 +188,12 @@ class Corners:
 
     @cached_property
     def tangents(self) -> Floats:
-        """(k,) distance from a corner between straight walls to the ends of an arc / radius."""
+        """(k,) distance from each corner to the ends of its arc, divided by the arc's radius, for straight walls."""
         return np.asarray(np.tan(np.minimum(self.turn, np.radians(170)) / 2))
 
     @cached_property
     def rooms(self) -> tuple[Floats, Floats]:
-        """Lengths (k,), (k,) of wall, metres, that an arc may use before and after the corner."""
+        """Lengths of wall that an arc may use before its corner (k,) and after its corner (k,), metres."""
         t, (ahead, behind) = self.tangents, self.wall_lengths
 
         def share(neighbour: Ints) -> Floats:

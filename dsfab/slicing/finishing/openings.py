@@ -16,15 +16,15 @@ from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.slicing.measures.widths import MIDDLE, Crossings, crossings
 
 Merging = Literal["none", "slits", "crowded"]
-"""Slits that finishing fills, so that two members become one: none, all, or only slits where members are crowded."""
+"""Rule for slits (narrow openings) that finishing fills: none, all, or only slits between crowded members."""
 
 NARROWER = 0.9
 """Largest width of a slit, as a fraction of the width of the members beside it.
 The limit is under 1, so that small errors do not turn openings as wide as the members into slits."""
 CRUMB, SEVERAL = 0.35, 8
-"""A crumb is an opening smaller than CRUMB times the median opening, in a sheet with at least SEVERAL openings."""
+"""A crumb is an opening smaller than CRUMB times the median size, in a sheet with at least SEVERAL openings."""
 ALIKE = 0.03
-"""Openings with a smaller relative difference in size count as equal, because the mesh may cause such a difference."""
+"""Openings count as equal if their sizes differ by less than this fraction: the mesh may cause the difference."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,14 +82,14 @@ class Openings:
 
     @cached_property
     def crowded_slits(self) -> Bools:
-        """(o,) mask of the slits where members are crowded."""
+        """(o,) mask of slits between members that are closer together than usual, by a factor of about `CROWDING`."""
         area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.void.surface.areas, self.count), 0.0)
         usual = float(weighted_medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
         least = NARROWER * min(1.0, max(0.0, (1 + usual) / CROWDING - 1))
         return self.slits & (self.narrowness < split_value(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
-        """Return how many slits lie mostly beside a family, and the share of the family's walls at slits.
+        """Return the number of slits that lie mostly beside a family, and the share of the family's outline at slits.
         family : (m',) mask of the family's cells."""
         own_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         own_edges[self.void.cut_surface.edges.of[family]] = True
@@ -107,7 +107,7 @@ class Openings:
 
     @cached_property
     def _width_ratio(self) -> Floats:
-        """(k,) opening width / member width, on each line across an opening; NaN without members."""
+        """(k,) opening width / width of the narrower member, on each line across an opening; NaN without members."""
         member = self._member_widths[self.void.parent_edges[self._crossings.walls]]
         return np.asarray(self._crossings.width / np.fmin(*member.T))
 
@@ -119,7 +119,7 @@ class Openings:
 
     @cached_property
     def _member_widths(self) -> Floats:
-        """Member width at each wall; NaN at other edges."""
+        """(e,) width of the member at each edge between material and void, metres; NaN at further edges."""
         wall_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         wall_edges[self.void.parent_edges[self.void.walls]] = True
         surface, sheet_edges = self.material.surface, self.material.parent_edges
@@ -140,7 +140,7 @@ def openings_of(sheet: Sheet) -> Openings | None:
 
 
 def with_filled(sheet: Sheet, chosen: Bools) -> Sheet:
-    """Fill the openings (o,) that `chosen` marks."""
+    """Fill with material the openings that the mask `chosen` (o,) marks."""
     openings = openings_of(sheet)
     if openings is None or not chosen.any():
         return sheet
@@ -180,7 +180,7 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
 
 
 def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
-    """Fill every crumb, an opening far smaller than most openings; return also their number."""
+    """Fill every crumb, an opening far smaller than most openings; return also the number of crumbs."""
     openings = openings_of(cells)
     if openings is None or np.isfinite(diameters := openings.hydraulic_diameters).sum() < SEVERAL:
         return cells, 0
@@ -221,7 +221,8 @@ class Strip:
 
     @classmethod
     def from_wall(cls, sheet: Sheet, wall: int, ends: Floats, half: Floats) -> "Strip | None":
-        """Return a strip across an opening, along the line between `ends` (2, 3); None for equal ends."""
+        """Return a strip across an opening, along the line between `ends` (2, 3); None for equal ends.
+        wall : wall at which the strip begins.    half : (2,) half length and half width, metres."""
         surface, first_cell = sheet.surface, int(sheet.walls.void_cells[wall])
         direction = ends[1] - ends[0]
         gap = float(np.linalg.norm(direction))
@@ -245,20 +246,20 @@ class Strip:
         return replace(strip, cells=np.array(seen))
 
     def local_coordinates(self, X: Floats) -> Floats:
-        """Return coordinates (2, k) of points X (k, 3) along and across the strip; inside, -1 to 1."""
+        """Return coordinates (2, k) of points X (k, 3) along and across the strip; from -1 to 1 inside the strip."""
         return np.asarray(self.axes @ (X - self.middle).T / self.half[:, None])
 
 
 def with_strips(cells: Sheet, strips: list[Strip], width: float, snap: float = SNAP) -> tuple[Sheet, int]:
     """Fill strips, and small openings that the strips cut off; return also the number of strips.
-    width : metres; openings with 4 area / perimeter under 1.6 widths are small."""
+    width : metres. An opening is small if 4 area / perimeter is under 1.6 x width."""
     if not (strips := [strips[k] for k in disjoint_groups(cells, [strip.cells for strip in strips])]):
         return cells, 0
     return _without_pockets(_fill_strips(cells, strips, snap), cells.surface.n, width), len(strips)
 
 
 def disjoint_groups(cells: Sheet, groups: Sequence[Ints]) -> list[int]:
-    """Return the numbers of those groups (c,) that have no vertex in common with an earlier group."""
+    """Return the numbers of groups of cells that share no vertex with an earlier group in the result."""
     taken, chosen = np.zeros(cells.surface.n, dtype=bool), []
     for k, group in enumerate(groups):
         vertices = cells.surface.F[group]
@@ -293,7 +294,7 @@ def _fill_strips(cells: Sheet, strips: list[Strip], snap: float) -> Sheet:
 
 
 def _without_pockets(cells: Sheet, before: int, width: float) -> Sheet:
-    """Fill small openings beside strips. before : vertex count before the strips."""
+    """Fill small openings beside strips. before : number of vertices before the strips were added."""
     openings = openings_of(cells)
     if openings is None:
         return cells

@@ -25,7 +25,7 @@ CORNER_ROUNDS = 2  # Maximum number of rounds that change only corners of cells,
 
 
 class PinchResult(NamedTuple):
-    """A sheet whose material has no point contacts, and the number of repairs at vertices."""
+    """A sheet without point contacts of material. pinches : number of repaired point contacts."""
 
     sheet: Sheet
     pinches: int
@@ -33,7 +33,7 @@ class PinchResult(NamedTuple):
 
 def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchResult:
     """Fill ("join") or cut out ("split") discs of `radius` metres around point contacts of material.
-    Raises PatternError."""
+    Raises PatternError for invalid input, for remaining point contacts, and if no material is left."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the radius {radius} for repairs at point contacts must be a positive length in metres")
     if rule not in ("join", "split"):
@@ -48,7 +48,8 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
     if len(pinches):
         raise PatternError(
             f"material still meets in a single point at {count_phrase(len(pinches), 'vertex')} "
-            f"(first: {first_few(pinches)}); change slicing.pinch, the thickness, or the phase of the stripes"
+            f"(first: {first_few(pinches)}); change slicing.pinch, the thickness of the sheet, or the phase of the "
+            f"stripes"
         )
     _require_material(sheet)
     return PinchResult(sheet, count)
@@ -69,7 +70,8 @@ def _resolve_once(sheet: Sheet, pinches: Ints, radius: float, rule: Rule, corner
 def _require_material(sheet: Sheet) -> None:
     if not sheet.material.any():
         raise PatternError(
-            "no material is left after slicing; lower the threshold, raise the frequency, or keep a rim or a disc"
+            "no material is left after slicing; lower the threshold or raise the frequency of the stripes, or keep "
+            "material with pattern.rim or pattern.keep"
         )
 
 
@@ -95,7 +97,7 @@ def _links(sheet: Sheet, vertices: Ints) -> Ints:
 
 
 def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
-    """Divide point contacts into groups without edges inside a group. ends : (k, 2) edges between them."""
+    """Divide point contacts into groups, so that no edge joins two contacts of a group. ends : (k, 2) the edges."""
     groups = []
     while len(pinches):
         later = np.unique(ends[np.isin(ends, pinches).all(axis=1), 1])
@@ -105,7 +107,8 @@ def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
 
 
 def _corner_distance(sheet: Sheet, pinches: Ints, radius: float) -> Floats:
-    """Return a field (n',): 0 at pinches, and `radius` at min(radius, 0.4 edge length) on their edges."""
+    """Return a field (n',) that is 0 at pinches (point contacts of material).
+    On edges at a pinch, the field reaches `radius` at the distance min(radius, 0.4 edge length)."""
     V, ends = sheet.surface.V, sheet.surface.edges.ends
     x = np.full(len(V), radius / 0.4)
     for p, q in (ends.T, ends[:, ::-1].T):
@@ -133,7 +136,6 @@ def _with_discs(sheet: Sheet, pinches: Ints, distance: Floats, radius: float, ru
 
 
 def _connected_to_pinches(mesh: PolygonMesh, inside: Bools, pinches: Ints) -> Bools:
-    """Return a mask (c,) of polygons in `inside` that are connected to a point contact."""
     part, owner = mesh.part_labels(inside), mesh.cells.owner
     return inside & np.isin(part, part[owner[inside[owner] & np.isin(mesh.cells.corner, pinches)]])
 

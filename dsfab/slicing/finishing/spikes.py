@@ -20,7 +20,7 @@ from dsfab.slicing.finishing.openings import disjoint_groups
 SHARP = float(np.radians(60))
 """Minimum turn of the outline at the tip of a tooth (spike), radians. Bends and crossings of members turn less."""
 LONG, THIN, FAR = 1.5, 0.5, 4.0
-"""Longest outline of a tooth (spike), in member widths: `LONG`, but `FAR` if its base is under `THIN` widths."""
+"""Largest outline length of a tooth (spike), in member widths: `LONG`, or `FAR` if its base is under `THIN` widths."""
 
 
 class Spike(NamedTuple):
@@ -35,7 +35,7 @@ class Spike(NamedTuple):
     snap: float
 
     def heights(self, X: Floats) -> Floats:
-        """Return heights (k,) of points X (k, 3) over the tooth's base, metres."""
+        """Return the heights (k,) of points X (k, 3) above the base of the tooth, metres."""
         height = (X - self.origin) @ self.outward
         return np.asarray(np.where(np.abs(height) < self.snap, 0.0, height))
 
@@ -69,7 +69,6 @@ def _spikes(cells: Sheet) -> list[Spike]:
 
 
 def _member_width(cells: Sheet) -> float:
-    """Return the mean width of members, metres."""
     surface, material = cells.surface, cells.material
     edge = np.zeros(len(surface.edges.ends), dtype=bool)
     edge[surface.edges.of[material]] = True
@@ -90,7 +89,7 @@ def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[t
 
 
 def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
-    """Return the tooth whose outline is the walls `stretch` (k,), or None."""
+    """Return the tooth (spike of material) with the walls `stretch` (k,) as its outline, or None."""
     V, walls = cells.surface.V, cells.walls
     outline, member_cells = np.append(walls.start[stretch], walls.end[stretch[-1]]), walls.material_cells[stretch]
     X, step = V[outline], walls.length[stretch]
@@ -100,7 +99,7 @@ def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
         return None
     spike = Spike(outline, member_cells, X[0], outward / np.linalg.norm(outward), 2e-3 * length)
     height = spike.heights(X)
-    lowest = max(0.04 * width, 0.25 * length)  # minimum height of a tooth; lower shapes are bends, or tiny
+    lowest = max(0.04 * width, 0.25 * length)  # minimum height of a tooth; bends and tiny shapes are lower
     if height.min() < 0 or height.max() < lowest:
         return None
     reached = _cells_beyond_chord(cells, spike)

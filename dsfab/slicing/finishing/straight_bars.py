@@ -1,4 +1,4 @@
-"""Replace uneven bars at nodes and near singular points by straight or evenly bent bars."""
+"""Replace uneven bars (pieces of members) by straight or evenly bent bars, at nodes and near singular points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,8 +19,8 @@ from dsfab.surface.fields import CornerField
 
 @dataclass(frozen=True, eq=False)
 class FairBar:
-    """The new shape of a bar: straight or evenly bent.
-    cells : (c,) the polygons of the old bar.    ends : (2, 3) the middles of its contacts, metres.
+    """The new shape of a bar (piece of a member): straight or evenly bent.
+    cells : (c,) polygons of the old bar.    ends : (2, 3) middles of the contacts with further material, metres.
     across, normal : (3,) unit vectors.    half : (2,) half widths, metres.
     bow   : (2,) a, b: at the fraction t of the length, the middle line is t (1 - t) (a + b t) metres to the left."""
 
@@ -33,7 +33,8 @@ class FairBar:
 
     @classmethod
     def straight(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
-        """Return a straight bar that replaces polygons (c,), or None without two contacts at right angles to it."""
+        """Return a straight bar in place of the polygons `cells` (c,).
+        Returns None unless the bar has two contacts with further material, roughly at right angles."""
         contacts = _contacts(mesh, cells)
         if len(contacts) != 2:
             return None
@@ -55,7 +56,7 @@ class FairBar:
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
-        side = np.where(ahead > 0, -1, 1)  # -1: on the right, where walls of the old bar run in the axis direction
+        side = np.where(ahead > 0, -1, 1)  # -1 on the right, because walls run along the axis there; 1 on the left
         between_ends, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
         basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
         equations = (basis * weight[:, None])[between_ends], (y * weight)[between_ends]
@@ -70,7 +71,7 @@ class FairBar:
         return sum(self.half)
 
     def heights(self, X: Floats) -> Floats:
-        """Return distances (2, k) of points X (k, 3) from the sides of the bar, inside positive, metres."""
+        """Return distances (2, k) of points X (k, 3) from the two sides of the bar, metres; positive inside the bar."""
         t, y = self._places(X)
         t = np.clip(t, 0, 1)
         middle, slope = self._bow_at(t)
@@ -78,13 +79,13 @@ class FairBar:
         return np.array([half + y - middle, half - y + middle]) / np.hypot(1, slope)
 
     def near_length(self, X: Floats) -> Bools:
-        """Return a mask (k,) of points X (k, 3) at most one bar width beyond the ends."""
+        """Return a mask (k,) of points X (k, 3) between the bar's ends, or at most a bar width beyond an end."""
         beyond = self.width / self.length
         t, _ = self._places(X)
         return np.asarray((t > -beyond) & (t < 1 + beyond))
 
     def deviation(self, mesh: PolygonMesh) -> float:
-        """Return the largest distance of the old bar's corners from the new bar, in bar widths."""
+        """Return the largest distance from corners of the old bar to the new bar, divided by the bar's width."""
         corners = np.unique(mesh.cells.corner[self.cells[mesh.cells.owner]])
         return float(-self.heights(mesh.X[corners]).min()) / self.width
 
@@ -110,7 +111,7 @@ def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:
 
 
 def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
-    """Return start and end (k, 2, 3), metres, of a bar's contacts; empty if unsuitable."""
+    """Return start and end (k, 2, 3), metres, of each line where a bar touches material; empty if unsuitable."""
     cells, in_bar, beyond = mesh.cells, bar[mesh.cells.owner], mesh.polygon_across
     contact_slots = np.flatnonzero(in_bar & (beyond >= 0) & ~mesh.void[beyond] & ~bar[beyond])
     if (in_bar & (beyond < 0)).any() or not len(contact_slots):
@@ -128,10 +129,10 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
     return np.array(contacts)
 
 
-ASKEW = 0.25  # A straight new bar replaces an old bar only if the `deviation` of the new bar is larger than this.
-UNEVEN = 0.12  # An evenly bent bar replaces an old bar only if the `deviation` of the new bar is larger than this.
-FAR = 1.5  # A new bar replaces an old bar only if the `deviation` of the new bar is smaller than this.
-SNAP = 0.02  # A vertex this near to a bar's side moves onto the side; as a fraction of the bar's width.
+ASKEW = 0.25  # Smallest `deviation` at which a straight new bar replaces an old bar.
+UNEVEN = 0.12  # Smallest `deviation` at which an evenly bent bar replaces an old bar.
+FAR = 1.5  # Largest `deviation` at which a new bar replaces an old bar.
+SNAP = 0.02  # Largest distance at which a vertex moves onto a bar's side, divided by the bar's width.
 LARGER = 2.5  # A bar is replaced only if its area changes by less than this factor.
 
 
@@ -187,7 +188,7 @@ def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Boo
 
 
 def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
-    """Return the mesh with `fair_bar`, or None, and the old number of each polygon."""
+    """Replace `bar` by `fair_bar`. Return the mesh, or None if the areas differ too much; and polygons' old numbers."""
     opening = mesh.part_labels(mesh.void | bar)
     inside, source = np.isin(opening, opening[bar]) & (opening >= 0), np.arange(len(bar))
     line = mesh.lines.count + np.arange(2)

@@ -21,12 +21,12 @@ from dsfab.slicing.finishing.loose_ends import Tidy, dependent_polygons, nodes_o
 from dsfab.surface import link_components
 
 LARGE = 1.6
-"""Largest size / median size of openings where a stub (stripe end) was removed. Usually 5 % of openings are larger."""
+"""Largest size / median size of openings left by a removed stub (stripe end). Usually 5 % of openings are larger."""
 EYELET, LARGER = 0.5, 2.5
 """An eyelet is an opening under EYELET times the size of a neighbouring opening. Where a stub beside an eyelet is
 removed, the remaining opening may have a size up to LARGER times the median."""
-GOOD = 1.1  # A stub (a stripe's end) stays if all openings beside it exceed this size.
-SMALL = 0.6  # A stub (a stripe's end) stays if the opening without it would be smaller.
+GOOD = 1.1  # A stripe's end stays if all openings beside it exceed this x median size.
+SMALL = 0.6  # A stripe's end stays if its removal leaves openings below this x median.
 TURN = float(np.radians(110))
 """Maximum change of direction of the outline, radians, where a stub (end of a stripe) was removed."""
 
@@ -55,7 +55,7 @@ def with_crossings(mesh: PolygonMesh, nodes: Bools) -> Bools:
 
 @dataclass(frozen=True, eq=False)
 class _Bars:
-    """Removable bars (b,), connected pieces of material between openings (o,)."""
+    """Bars (b,) that could be removed: connected pieces of material between openings (o,)."""
 
     label: Ints
     area: Floats
@@ -124,7 +124,7 @@ class _Bars:
 
     @cached_property
     def extremes(self) -> tuple[Floats, Floats]:
-        """Sizes (b,), (b,) of the smallest and largest opening beside each bar; inf and 0 without openings."""
+        """Sizes (b,) of the smallest, and (b,) of the largest opening beside each bar; inf and 0 without openings."""
         smallest, largest = np.full(len(self.area), np.inf), np.zeros(len(self.area))
         bar, opening = self.pair.T
         np.minimum.at(smallest, bar, self.sizes[opening])
@@ -133,14 +133,14 @@ class _Bars:
 
     @cached_property
     def lumps(self) -> Bools:
-        """(b,) mask of bars that touch a single opening."""
+        """(b,) mask of bars that touch a single opening, if the opening grows without the bar."""
         return np.asarray(
             (self.opening_count == 1) & (self.sizes_without_each > np.maximum(1.02 * self.extremes[1], SMALL))
         )
 
     @cached_property
     def eyelets(self) -> Bools:
-        """(b,) mask of bars between openings that would form an opening of suitable size."""
+        """(b,) mask of bars between openings. Without these bars, the joined openings have a suitable size."""
         smallest, limits = self.extremes
         ratio = np.divide(smallest, limits, out=np.full_like(smallest, np.inf), where=limits > 0)
         largest = np.where(_below_limits(ratio, EYELET), LARGER, LARGE)

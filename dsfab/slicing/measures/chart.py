@@ -25,7 +25,7 @@ class Chart:
     surface : n' vertices, m' faces, cut open where phases do not match.
     parent  : (m',) face of the uncut surface.    weights : (n', n) barycentric weights on the uncut vertices.
     z       : (n', 2) phases of the major and the minor family.
-    scale   : (n', 2) fraction of a family's stripes that exist; 0 without a phase."""
+    scale   : (n', 2) fraction of a family's stripes that remain after halving; 0 without a phase."""
 
     surface: Surface
     parent: Ints
@@ -42,8 +42,8 @@ class Chart:
 
 
 def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None = None) -> Chart:
-    """Return the phases of the stripes that `halve_lines` left.
-    phases : phases of the two families before, default `halved.phases`."""
+    """Return the phases of the stripes that remain after `halve_lines`.
+    phases : phases of the two families before halving, default `halved.phases`."""
     mesh, phases = halved.mesh, phases or halved.phases
     surface, cell, _ = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     slot = _corner_slots(mesh, surface.F, cell)
@@ -60,7 +60,7 @@ def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None
 
 
 def equal_row_groups(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
-    """Return the first row (g,) of each group of rows with equal keys (k,) and numbers (k, r), and each row's group."""
+    """Group equal rows (k, r) with equal keys (k,). Return each group's first row (g,), and the group of each row."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
     different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # rows unequal to the first row with the same key
@@ -121,7 +121,7 @@ class StripeChart:
 
     @cached_property
     def place(self) -> Ints:
-        """(n,) number of each vertex's position."""
+        """(n,) a number for the position of each vertex; equal for vertices at the same position."""
         order = np.lexsort(self.surface.V.T)
         apart = (np.diff(self.surface.V[order], axis=0) != 0).any(axis=1)
         place = np.empty(self.surface.n, dtype=np.int64)
@@ -130,7 +130,7 @@ class StripeChart:
 
     @cached_property
     def table(self) -> EdgeTable:
-        """Edges of the surface; the sides of a cut share an edge."""
+        """Edges of the surface. The two sides of a cut count as the same edges."""
         return edge_table(self.place[self.surface.F])
 
     def corners(self, x: Floats) -> Floats:
@@ -138,7 +138,7 @@ class StripeChart:
         return np.asarray(x[self._corner])
 
     def steep(self, k: int) -> Bools:
-        """Return a mask (m,) of faces where the phase of family k is not constant."""
+        """Return a mask (m,) of faces on which the phase of family k is known and not constant."""
         return self.known[:, k] & (self.slope[k] * self.surface.size > 1e-9)
 
     @cached_property
@@ -186,7 +186,7 @@ class StripeChart:
 
     @cached_property
     def free(self) -> Floats:
-        """(m,) estimated fraction of each face outside `kept`."""
+        """(m,) estimated fraction of each face without kept material."""
         return np.asarray(1 - self._kept_points.mean(axis=0))
 
     @cached_property
@@ -200,7 +200,7 @@ class StripeMiddles:
 
     face : (s,) face of each piece.    at : (s, 2, 3) barycentric coordinates of the piece's ends.
     node : (s, 2) nodes at the ends of each piece.    edge : (j,) True for nodes on the boundary of the surface.
-    copy : (s,) True for a piece that an earlier face already has."""
+    copy : (s,) True for a piece on an edge, if an earlier face has the same piece."""
 
     drawn: StripeChart
     k: int
@@ -230,15 +230,15 @@ class StripeMiddles:
         return np.bincount(self.node[~self.copy].ravel(), minlength=len(self.edge))
 
     def at_nodes(self, marked: Bools) -> Bools:
-        """Return a mask (j,) of the nodes at marked ends.
-        marked : (s, 2) mask of the pieces' ends."""
+        """Return a mask (j,) of the nodes at marked ends of pieces.
+        marked : (s, 2) mask of the two ends of each piece."""
         result = np.zeros(len(self.edge), dtype=bool)
         result[self.node[marked]] = True
         return result
 
     @cached_property
     def ends_in_material(self) -> Bools:
-        """(s, 2) mask of the pieces' ends in crossing members or kept material."""
+        """(s, 2) mask of the pieces' ends that lie in crossing members or in kept material."""
         face, coordinates = np.repeat(self.face, 2), self.at.reshape(-1, 3)
         inside = self.drawn.inside(1 - self.k, face, coordinates) | self.drawn.is_kept(face, coordinates)
         return np.asarray(inside.reshape(-1, 2))
@@ -252,7 +252,7 @@ class StripeMiddles:
 
 
 class _Pieces(NamedTuple):
-    """Pieces (s,) of middle lines: face, line number, and places (s, 2) on the face's outline."""
+    """Pieces (s,) of middle lines. slot : (s, 2) place of each end in the face: corners 0 to 2, edges 3 to 5."""
 
     face: Ints
     line: Ints
@@ -260,7 +260,7 @@ class _Pieces(NamedTuple):
 
 
 def stripe_middles(chart: StripeChart, k: int) -> StripeMiddles:
-    """Return the middle lines of the members of family k."""
+    """Return the middle lines of the members of family k (0: major, 1: minor)."""
     F = chart.surface.F
     pieces = _pieces(chart, k)
     z = chart.z[F[pieces.face], k] - pieces.line[:, None]

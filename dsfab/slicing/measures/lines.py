@@ -1,4 +1,4 @@
-"""Lines of a cut sheet: edges and middle lines of members, and corners of the outline."""
+"""Lines of a cut sheet: edges of members, middle lines of members, and corners of the outline."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ class Labels(NamedTuple):
     """Outline edges (k,) of a material sheet.
     half_edge, start, end : the half-edge, and its first and its last vertex.
     curve  : number of the line with this edge, in `Sheet.lines`; -1 - k for the edge of a stripe of field k.
-    family : number of the field whose material the edge bounds; `VOID` (-1) on the boundary of the uncut surface."""
+    family : number of the field that made the material; `VOID` (-1) on the boundary of the uncut surface."""
 
     half_edge: Ints
     start: Ints
@@ -57,8 +57,8 @@ LEAST = 1e-7  # Parts shorter than this fraction of a segment are dropped; short
 
 class Spans(NamedTuple):
     """Parts (p,) of segments that lie on a sheet.
-    segment : (p,) segment of each part.    begin, end : (p,) positions of the part's ends, 0 to 1.
-    of_pair, cell : (q,) a part, and a cell that this part crosses."""
+    segment : (p,) segment of each part.    begin, end : (p,) positions of the part's ends on the segment, 0 to 1.
+    of_pair, cell : (q,) pairs of a part and a cell that the part crosses."""
 
     segment: Ints
     begin: Floats
@@ -69,7 +69,7 @@ class Spans(NamedTuple):
 
 def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sheet: Sheet, F: Ints) -> Spans:
     """Return the parts of segments that lie on the cells of a sheet.
-    A view is a segment, described in a face of the chart.
+    A view gives a segment in coordinates of a chart face. A segment on an edge has two views.
     face      : (v,) the chart's face of each view.    segment : (v,) number of the segment.
     view_ends : (v, 2, 3) ends of the segment in barycentric coordinates of this face.
     F         : (m, 3) faces of the uncut surface."""
@@ -132,7 +132,7 @@ class Middle(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Chords:
-    """Segments of middle lines. A view is a segment, described in a face.
+    """Segments of middle lines. A view gives a segment in coordinates of a face; a segment on an edge has two views.
     link   : (l, 2) nodes at the ends of the segments.    point : (nodes, 3) positions of the nodes, metres.
     of     : (v,) the segment of a view.    face : (v,) the chart's face of a view.
     number : (v,) number of the middle line in the family.
@@ -203,7 +203,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
     """Return the middle lines of a family's members, where the sheet has material.
     half_width : (n,) half width of members / distance between middle lines; 0 means no member.
     sheet      : the material.    F : (m, 3) faces of the uncut surface.
-    passing    : field numbers of the other family."""
+    passing    : fields of the crossing family. A line that lies in their material alone is left out."""
     chords = Chords.from_chart(chart, family, half_width)
     spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
     through = np.isin(sheet.family[spans.cell], passing, invert=True)
@@ -246,19 +246,19 @@ STRIPES = ("major", "minor")  # The families of a chart, in order.
 
 
 class CornerLines(NamedTuple):
-    """Evenly spaced stripes, given at the corners of faces, and the levels (k,) of middle lines."""
+    """Field of evenly spaced stripes at the corners of faces, and the levels (k,) of the middle lines."""
 
     field: CornerField
     levels: Floats
 
 
 Phase = Floats | CornerLines | None
-"""Phase of a family: (n,) at the uncut vertices, a whole number on middle lines; or `CornerLines`; None: no stripes."""
+"""Phase of a family of stripes: (n,) at the uncut vertices, whole on middle lines; or `CornerLines`; or None."""
 
 
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
     """Divide the outline of a material sheet into lines, at each change of family or stripe.
-    names  : names of the fields of the cut, by `family`.
+    names  : names of the fields of the cut, in the order of their numbers.
     phases : phase of each field, a whole number on middle lines.
     The material is on the left of the lines."""
     labels = outline_labels(sheet)
@@ -298,7 +298,7 @@ class _Stripes:
         return np.asarray(np.rint(nearest_levels(z, phase.levels)), dtype=np.int64)
 
     def changes(self, edges: Ints, loop: Ints) -> Bools:
-        """Return a mask (k,) of edges in a loop that differ from the previous edge."""
+        """Return a mask (k,) of edges in a loop that differ from the previous edge in family, line or stripe."""
         before = np.roll(edges, 1)
         number = self.number[before].astype(np.float64)
         for k, phase in enumerate(self.phases):

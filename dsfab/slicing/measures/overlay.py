@@ -29,12 +29,12 @@ from dsfab.surface import CornerField, Surface, link_components
 
 @dataclass(frozen=True, eq=False)
 class DrawnBand:
-    """Stripes of a field of a cut. In a stripe, a level is between the two values of the field.
+    """Stripes of a field of a cut. Each stripe has a level, which lies between the field's two values in the stripe.
     family : name. Fields of the same family do not cross.
     field  : the two values at corners of the uncut surface, or (n', 2) at the vertices of the material sheet.
-    levels : (k,) ascending, for each stripe.
-    centre : mean of the two values on a stripe's middle line, minus the stripe's level.
-    hides  : True if, at crossings, only earlier fields with `hides` = True may cover these stripes."""
+    levels : (k,) level of each stripe, ascending.
+    centre : mean of the field's two values on a stripe's middle line, minus the stripe's level.
+    hides  : True for stripes in front: at crossings, only earlier fields with `hides` = True cover these stripes."""
 
     family: str
     field: CornerField | Floats
@@ -45,7 +45,7 @@ class DrawnBand:
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """A material sheet, also divided along covered edges of stripes, and the stripes of each cell.
+    """A material sheet with the stripes of each cell. Cells are also divided along stripe edges inside crossings.
     sheet  : m cells, all material. `family` is the field that made each cell.
     source : (m,) cell of the sheet before this division.
     part   : (m, f) for each of f fields, the stripe that contains the cell; -1 for none.
@@ -78,7 +78,7 @@ class Overlay:
 def stripe_overlay(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], snap: float = 0.05) -> Overlay:
     """Divide a material sheet, cut from the surface `uncut`, along the edges of all stripes.
     bands : stripes of each field of the cut, in order.
-    snap  : snap fraction for covered edges of stripes."""
+    snap  : largest move of a stripe edge onto a vertex, as a fraction of a cell's side."""
     base = sheet.surface
     fields = [_on_sheet(sheet, uncut, band.field) for band in bands]
     mesh = PolygonMesh.from_surface(base).with_lines_of(sheet)
@@ -116,7 +116,7 @@ def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
 
 @dataclass(frozen=True, eq=False)
 class _BandOnCells:
-    """Stripes of a field on triangles."""
+    """Values of a field and the nearest level on each triangle, for the stripes of the field."""
 
     F: Ints
     z: Floats
@@ -140,11 +140,11 @@ class _BandOnCells:
         return cls(F, z - band.centre, half, number, distance, sign, shift, blank)
 
     def inside(self, slack: Floats) -> Bools:
-        """Return a mask (m,) of triangles whose centroid lies in a stripe. slack : (m,) added half width."""
+        """Return a mask (m,) of triangles with the centroid in a stripe. slack : (m,) added half width."""
         return np.asarray((self.off < self.d + slack) & ~self.blank & np.isfinite(self.number))
 
     def links(self, pairs: Ints) -> Bools:
-        """Return a mask (p,) of the pairs of adjacent triangles at the same level.
+        """Return a mask (p,) of pairs of adjacent triangles that have the same nearest level.
         pairs : (p, 2) half-edges of the common edge."""
         h, g = pairs.T
         flat = self.F.ravel()
@@ -154,7 +154,7 @@ class _BandOnCells:
         return np.asarray(np.abs(self.number[h // 3] - (sign * self.number[g // 3] + shift)) < SAME_PHASE)
 
     def offsets(self, in_stripe: Bools) -> Floats:
-        """Return offsets (m, 3): mean field value at the corners, minus the triangle's level; never 0.
+        """Return the field (m, 3) at triangle corners, minus the value on the stripe's middle line; never 0.
         Triangles outside `in_stripe` (m,) get NaN."""
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < SAME_PHASE
@@ -176,7 +176,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
     reach = [_value_ranges(stripe_values.z, source) for stripe_values in stripes]
     for k, stripe_values in enumerate(stripes):
         own_cells = sheet.family == k
-        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # slack: the cut may have moved edges
+        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # allows for edges that the cut moved
     taken = {band.family: np.zeros(m, dtype=bool) for band in bands}
     for k, band in enumerate(bands):
         taken[band.family] |= in_own_band & (sheet.family == k)

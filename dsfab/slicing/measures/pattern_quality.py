@@ -1,4 +1,4 @@
-"""Quality of a pattern."""
+"""Measures of the quality of a stripe pattern."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -25,7 +25,7 @@ from dsfab.surface.topology import link_components
 
 @dataclass(frozen=True, eq=False)
 class Bays:
-    """Middle lines of a family's members, divided into b parts. A bay lies between two crossings.
+    """Middle lines of a family's members, divided into b parts. Parts between two crossings form a bay.
     piece  : (b,) piece of `middles` that contains each part.    at : (b, 3) barycentric coordinates of the midpoint.
     length : (b,) metres.    bay : (b,) number of each part's bay.    count : number of bays.
     angle  : (c,) angle between members at crossings, degrees."""
@@ -40,14 +40,14 @@ class Bays:
 
     @cached_property
     def free(self) -> Floats:
-        """(b,) length of each part, metres; 0 for parts in other members or material."""
+        """(b,) length of each part, metres; 0 for parts inside crossing members or kept material."""
         chart, face = self.middles.drawn, self.middles.face[self.piece]
         met = chart.inside(1 - self.middles.k, face, self.at) | chart.is_kept(face, self.at)
         return np.where(met, 0.0, self.length)
 
     @cached_property
     def narrow(self) -> Bools:
-        """(b,) mask of parts where the next opening is narrower than the member."""
+        """(b,) mask of parts where the opening beside the member is narrower than the member."""
         chart = self.middles.drawn
         corner = chart.surface.F[self.middles.face[self.piece]]
         d = np.einsum("bc,bc->b", chart.d[corner, self.middles.k], self.at)
@@ -55,7 +55,7 @@ class Bays:
 
     @property
     def slits(self) -> int:
-        """Number of bays beside a narrow opening."""
+        """Number of bays that lie mostly beside an opening narrower than the member."""
         free = np.bincount(self.bay, self.free, self.count)
         slit = np.bincount(self.bay, self.free * self.narrow, self.count)
         return int((slit > free / 2).sum())
@@ -68,7 +68,7 @@ class Bays:
 
 
 def bays(middles: StripeMiddles) -> Bays:
-    """Divide the middle lines of a family where they cross middle lines of the other family."""
+    """Divide the middle lines of a family at their crossings with middle lines of the second family."""
     chart, face = middles.drawn, middles.face
     other_family = 1 - middles.k
     corner = chart.surface.F[face]
@@ -125,7 +125,8 @@ OFF = 30.0  # Largest acceptable angle between a member and the stress, degrees.
 
 
 class DeadEnds(NamedTuple):
-    """Dead ends, metres: places (e, 3) where members end in nothing, and places (t, 3) where members turn back."""
+    """Dead ends of members. loose : (e, 3) points at which a member ends and touches no further material, metres.
+    turns : (t, 3) points at which a member makes a U-turn, metres."""
 
     loose: Floats
     turns: Floats
@@ -134,10 +135,10 @@ class DeadEnds(NamedTuple):
 def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confidence: Floats) -> DeadEnds:
     """Return the dead ends of a family's members.
     along      : (m, 3) unit direction of the stress; the sign has no meaning.
-    deviation  : (m,) angle between members and this direction, degrees.    confidence : (m,) from 0 to 1."""
+    deviation  : (m,) angle between members and this direction, degrees.    confidence : (m,) clarity, 0 to 1."""
     met = middles.at_nodes(middles.ends_in_material)
     loose = (middles.degree == 1) & ~middles.edge & ~met
-    clear = confidence[middles.face] > 0.25  # where principal stresses differ by over 10 % of their RMS
+    clear = confidence[middles.face] > 0.25  # principal stresses differ by over 10 % of their RMS
     turns_back = _turning_nodes(middles, along[middles.face], clear)
     deviates = clear & (deviation[middles.face] > OFF)
     count, label = link_components(len(turns_back), middles.node[deviates, 0], middles.node[deviates, 1])
@@ -157,7 +158,7 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
     pair = np.flatnonzero((np.diff(node[order]) == 0) & (middles.degree[node[order][1:]] == 2))
     end_a, end_b = order[pair], order[pair + 1]
     normals_a, normals_b = (middles.drawn.surface.normals[middles.face[piece[end]]] for end in (end_a, end_b))
-    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # direction b, turned into face a
+    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])
     alike = np.where(np.einsum("px,px->p", along[piece[end_a]], straight) < 0, -1, 1)
     result = np.zeros(len(middles.edge), dtype=bool)
     result[node[end_a]] = (side[end_a] * side[end_b] * alike > 0) & clear[piece[end_a]] & clear[piece[end_b]]
@@ -175,11 +176,11 @@ class Arms(NamedTuple):
     width: Floats
 
     def is_tip(self, width: float) -> bool:
-        """Return True if a member of `width` metres ends here."""
+        """Return True if a member of `width` metres ends at this point."""
         return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < 3 * width)
 
     def is_hairpin(self, width: float) -> bool:
-        """Return True if a member of `width` metres ends here, or turns back."""
+        """Return True if a member of `width` metres ends or makes a U-turn at this point."""
         if len(self.width) != 2 or not self.direction.any():
             return self.is_tip(width)
         unfolded = transported_vectors(self.normal[:1], self.normal[1:], self.direction[1:])[0]
@@ -245,8 +246,8 @@ class FamilyQuality:
 
     spacing    : distance between middle lines of neighbours, metres: 5 %, 50 %, 95 % quantiles.
     opening    : clear distance between neighbours, metres: the same quantiles.
-    deviation  : weighted mean angle between members and stress, degrees.
-    off        : fraction of the weight where the angle is over 30 degrees.
+    deviation  : mean angle between members and stress, degrees; weight: area x stress x clarity.
+    off        : fraction of this weight where the angle is over 30 degrees.
     slits      : number of openings narrower than the members beside them.
     slit_share : fraction of the members' length beside slits.
     drawn      : False if the family has no members; then all numbers are 0."""
@@ -333,7 +334,7 @@ def pattern_quality(
 ) -> PatternQuality:
     """Measure the quality of a pattern of stripes.
     stress     : (m, 2) principal stresses along the major and the minor members.
-    direction  : (m, 2, 3) unit directions of these stresses.    confidence : (m,) how clear they are, 0 to 1.
+    direction  : (m, 2, 3) unit directions of these stresses.    confidence : (m,) clarity of directions, 0 to 1.
     guided     : (m,) mask of faces where members follow a guide. Default: none."""
     turning = confidence if guided is None else np.where(guided, 0.0, confidence)
     families = [_family(chart, k, stress[:, k], direction, confidence, turning) for k in (0, 1)]

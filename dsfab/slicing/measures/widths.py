@@ -27,7 +27,7 @@ class FarEnds(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """Lines that enter a triangle."""
+    """Straight lines at the edge of the triangle that they enter next: position, direction, and length so far."""
 
     number: Ints
     edge: Ints
@@ -41,14 +41,14 @@ class _Lines(NamedTuple):
 
 
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
-    """Return the ends of straight lines across a sheet from boundary half-edges `start` (k,).
+    """Follow straight lines across a sheet, at right angles to boundary half-edges `start` (k,); return their ends.
     place : (k,) metres from the half-edge's start.    reach : metres; longer lines may have no end."""
     frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
     against = start_vertex != start_vertex[twin]  # True for opposite directions
     count = len(start)
     result = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
     lines = _Lines(np.arange(count), start, place, np.zeros(count), np.ones(count), np.zeros(count))
-    for _ in range(2000):  # longer lines run along a member
+    for _ in range(2000):  # lines across members end sooner
         if not len(lines.number):
             break
         lines = _at_exit(lines, frames[lines.edge])
@@ -93,7 +93,7 @@ def _frames(surface: Surface) -> Floats:
 
 MIDDLE = 0.5
 AT = (1e-3, MIDDLE, 1 - 1e-3)
-"""Positions on a wall (a boundary edge), 0 to 1, at which lines across the sheet start to measure widths."""
+"""Positions on a boundary edge, 0 to 1, from which lines across the sheet measure widths."""
 OPPOSED = float(np.sin(np.radians(20)))
 """Two walls at an angle over 20 degrees are not opposite: they form a corner, so their distance is not a width."""
 TAPER = float(np.radians(1.5))  # Smallest angle between two walls that form a tip, radians.
@@ -105,7 +105,7 @@ class Crossings:
 
     width  : (k,) shortest distance from a line's start to the opposite wall, metres.
     place  : (k, 3) the start, metres.    face : (k,) the triangle at the start.
-    weight : (k,) length of the wall at the start, metres; 0 for lines that do not start in its middle.
+    weight : (k,) length of the wall at the start, metres; 0 for lines that start away from its middle.
     walls  : (k, 2) numbers of the boundary edges at the line's ends."""
 
     width: Floats
@@ -223,7 +223,7 @@ ROUNDING = 1e-6  # A width still meets a limit if it is smaller by at most this 
 @dataclass(frozen=True, eq=False)
 class Feature:
     """The smallest member, gap or edge.
-    size : metres.    place : (3,), metres.    what : name in words.    mesh : mesh size there, metres."""
+    size : metres.    place : (3,), metres.    what : name in words.    mesh : mesh size at `place`, metres."""
 
     size: float
     place: Floats
@@ -236,7 +236,7 @@ class Feature:
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """Smallest sizes of a sheet's members and gaps, metres; None without members or gaps.
+    """Smallest member and smallest gap of a sheet (None without members or gaps), and widths of members.
     edge   : the shortest edge of a triangle.
     widths : (k,) widths of members along the walls.    weight : (k,) length of wall with each width, metres."""
 
@@ -277,7 +277,7 @@ def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) ->
 
 
 def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = False) -> Features:
-    """Return the smallest sizes of a cut sheet.
+    """Measure the smallest member, gap and triangle edge of a cut sheet, and the widths of members.
     cells : all cells, material and void.    built : (m',) mask of the structure's cells.
     tips  : True to measure gaps also in the tips of openings."""
     part, mesh = SheetPart.from_cells(cells.surface, built), _mesh_width(cells)
@@ -314,7 +314,7 @@ def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
 
 
 def _mesh_width(cells: Sheet) -> Floats:
-    """Return the typical edge length (m',) of the uncut face, metres."""
+    """Return for each cell the typical edge length (m',) of its uncut face, metres."""
     area = np.bincount(cells.parent, cells.surface.areas)
     return np.asarray(np.sqrt(4 / np.sqrt(3) * area[cells.parent]))
 

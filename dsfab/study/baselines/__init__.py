@@ -1,4 +1,4 @@
-"""Competitors of a design by name: structures of the same mass."""
+"""Structures to compare with a design, by name. Their mass is that of the design."""
 
 from collections.abc import Iterable, Mapping
 
@@ -30,7 +30,7 @@ BASELINES: Mapping[str, Baseline] = {
     "simp": simp,
 }
 """Functions that make structures to compare with a design, by name. Mass, loads, supports, kept regions and thickness
-are those of the design. But `thinner` is less thick; `simp` has no rim, and other discs at loads and supports."""
+are those of the design. But `thinner` is less thick, and `simp` has no rim, and kept discs of a different radius."""
 DEFAULT = ("isotropic", "thinner")  # default competitors of a comparison
 
 

@@ -1,4 +1,4 @@
-"""Competitors with the mass of a design."""
+"""Structures with the mass of a design, to compare with the design."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -38,10 +38,10 @@ from dsfab.surface.fields import voronoi_mass
 
 @dataclass(frozen=True, eq=False)
 class ComparisonTask:
-    """Data of a design from which structures of the same mass are made.
+    """Data of a design for making other structures of the same mass.
     preset    : preset with the modes and phases of the design.    area : area of the material, m2.
-    frequency : frequencies of the major and the minor stripes, which are factors on modes.
-    even      : evenly spaced stripes of the design, or None."""
+    frequency : factors on the diffusion modes that give the stripe patterns of the major and the minor family.
+    even      : the design's evenly spaced stripes; None if its stripes are level lines of modes."""
 
     preset: Preset
     surface: Surface
@@ -53,7 +53,7 @@ class ComparisonTask:
 
     @classmethod
     def from_design(cls, design: Design, area: float) -> Self:
-        """Return the data of a design for structures of the area `area`, m2."""
+        """Return the data of a design for making structures with the material area `area`, m2."""
         pattern = design.pattern
         preset = pattern.preset_with_choices(design.preset)
         frequency = pattern.frequency
@@ -68,7 +68,7 @@ class ComparisonTask:
 
     @cached_property
     def on_modes(self) -> Preset:
-        """The preset, with stripes along level lines of modes."""
+        """The preset, changed so that stripes are level lines of diffusion modes."""
         if self.even is None:
             return self.preset
         pattern, surface = self.preset.pattern, self.surface
@@ -88,17 +88,17 @@ class ComparisonTask:
 
     @property
     def share(self) -> float:
-        """Area of material divided by the area of the surface."""
+        """Material area divided by the area of the uncut surface."""
         return self.area / self.surface.area
 
     @property
     def loads(self) -> dict[str, LoadCase]:
-        """Loads on the uncut surface that the pattern follows, by name."""
+        """Load cases of the uncut surface whose stress determines the pattern, by name."""
         return self.statics.loads(self.preset.followed_weights)
 
     @property
     def all_loads(self) -> dict[str, LoadCase]:
-        """Loads of every case and combination, by name."""
+        """Loads of every load case and load combination, by name."""
         return {name: case.load for name, case in self.statics.cases.items()}
 
     @cached_property
@@ -108,30 +108,30 @@ class ComparisonTask:
 
     @cached_property
     def permanent(self) -> dict[str, LoadCase]:
-        """Loads whose mass vibrates with the sheet."""
+        """Permanent loads by name; their mass vibrates with the sheet."""
         return permanent_loads(self.preset, self.surface, next(iter(self.loads.values())))
 
     def loads_on(self, structure: "Structure", every: bool = False) -> dict[str, LoadCase]:
-        """Return `loads`, or `all_loads` if `every`, with the self-weight of `structure`."""
+        """Return `loads`, or `all_loads` if `every`, with the self-weight of a sheet as thick as `structure`."""
         share = structure.thickness / self.preset.statics.thickness
         uncut_loads = self.all_loads if every else self.loads
         return {name: load.of_thickness(self.surface, share) for name, load in uncut_loads.items()}
 
     @cached_property
     def kept_layers(self) -> Sequence[Layer]:
-        """Layers of the kept regions: material in every pattern."""
+        """Layers of a pattern that define the kept regions. These regions are material in every pattern."""
         return kept_regions(self.preset, self.surface, self.statics.load, self.even)
 
     @property
     def kept_faces(self) -> Bools:
-        """Mask (m,) of the faces whose centre lies in `kept_layers`."""
+        """Mask (m,) of the faces whose centre lies in a kept region."""
         return np.asarray(material_points(self.surface, self.kept_layers, face_points(1))[:, 0])
 
 
 @dataclass(frozen=True, eq=False)
 class Structure:
     """A design's sheet, or another structure to compare.
-    cells  : all cells, material and void.        names : names of the fields of the cut.
+    cells  : mesh of the cut surface, both material and void.    names : names of the fields that define the cut.
     sheet  : material without loose pieces.       pieces : number of pieces of `sheet`.      thickness : metres."""
 
     cells: Sheet
@@ -148,18 +148,18 @@ class Structure:
 
     @cached_property
     def material(self) -> Sheet:
-        """Return all cells with material, including loose pieces."""
+        """Material of the structure, including loose pieces."""
         return self.cells.subset()
 
     @property
     def loose(self) -> float:
-        """Share of the material that reaches no support."""
+        """Fraction of the material that is connected to no support."""
         return max(0.0, 1 - self.sheet.surface.area / self.material.surface.area)
 
 
 @dataclass(frozen=True, eq=False)
 class Variant:
-    """A structure to be made. The function `make` may raise DsfabError."""
+    """A variant of a structure that is not made yet. The function `make` makes it, and may raise DsfabError."""
 
     says: str
     make: Callable[[], Structure]
@@ -169,18 +169,18 @@ Baseline = Callable[[ComparisonTask], list[Variant]]  # makes variants of a stru
 
 
 def thinner(task: ComparisonTask) -> list[Variant]:
-    """Return the uncut surface with a thickness that gives the mass of the design."""
+    """Return the variant "uncut surface with the thickness that gives the design's mass", in a list."""
     return [Variant("", partial(Structure.uncut, task.surface, task.share * task.preset.statics.thickness))]
 
 
 SAME_MASS = 1e-3  # masses count as equal up to this relative difference
 Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
-"""Function of (task, share, tolerance). It returns layers whose material covers `share` of the surface +- tolerance."""
+"""Function of (task, share, tolerance). It returns layers that cover the fraction share +- tolerance with material."""
 
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
-    """Return a structure whose material has the area `task.area`. Raises PatternError.
-    drawing : function that makes layers for a share of material."""
+    """Return a structure with the material area `task.area`, m2. Raises PatternError if there is none.
+    drawing : function that returns the layers of a pattern for a given fraction of material."""
     try:
         return _structure_of_area(task, drawing)
     except PatternError:
@@ -191,7 +191,7 @@ def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
 def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) -> Structure:
     target_share, nearest = task.share, float("inf")
     for _ in range(rounds):
-        # the search for widths may use 30 % of the mass tolerance; the rest is for bridges and removed loose pieces
+        # the widths may use 30 % of the mass tolerance; bridges and removed pieces need the rest
         layers = drawing(task, target_share, 0.3 * SAME_MASS * task.share)
         structure = sliced_structure(task, layers, improve=False)
         excess = structure.sheet.surface.area / task.area - 1
@@ -201,12 +201,15 @@ def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) 
         target_share -= excess * task.share
         if not 0 < target_share < 1:
             break
-    raise PatternError(f"falls apart: its supported part differs in mass from the design by {abs(nearest):.1%} or more")
+    raise PatternError(
+        f"the structure falls apart: the mass of its supported part differs from the mass of the design by "
+        f"{abs(nearest):.1%} or more"
+    )
 
 
 def sliced_structure(task: ComparisonTask, layers: Sequence[Layer], improve: bool = True) -> Structure:
-    """Return the surface cut along the stripes of `layers`, without loose pieces.
-    improve : False to keep badly shaped triangles."""
+    """Return the structure that is cut from the surface along the stripes of `layers`, without loose pieces.
+    improve : False to leave badly shaped triangles in the mesh."""
     names, fields, levels, widths, _ = zip(*layers, strict=True)
     changes = {"loose": "drop", "improve": improve and task.preset.slicing.improve}
     slicing = task.preset.slicing.model_copy(update=changes)
@@ -217,7 +220,7 @@ def sliced_structure(task: ComparisonTask, layers: Sequence[Layer], improve: boo
 
 
 def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
-    """Return the share of the surface that layers cover with material."""
+    """Return the fraction of the surface's area that the layers of a pattern cover with material."""
     fields, levels = [layer.field for layer in layers], [layer.levels for layer in layers]
     tidy = tidy_of(task.preset, task.stressed_surface, layers)
     return material_area(task.surface, fields, levels, task.preset.slicing.snap, tidy) / task.surface.area
@@ -226,14 +229,14 @@ def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
 def striped_structure(
     task: ComparisonTask, preset: Preset, diffusion: DiffusionResult, even: EvenStripes | None = None
 ) -> Structure:
-    """Return a structure of area `task.area` with stripes along modes. even : evenly spaced stripes instead."""
+    """Return a structure of area `task.area` with stripes along modes, or with the evenly spaced stripes `even`."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
     task = replace(task, diffusion=diffusion)
     return widened_structure(task, preset, drawable_families(preset, task.stressed_surface, radius, even=even))
 
 
 def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[DrawableFamily]) -> Structure:
-    """Return a structure of area `task.area` with the given families of stripes."""
+    """Return a structure with the given families of stripes, so wide that the material area is `task.area`."""
     task, factor = replace(task, preset=preset), 0.0
 
     def drawing(task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
@@ -254,8 +257,8 @@ PHASES = (0.0, 0.25, 0.5, 0.75)  # phases of stripes that do not follow modes, i
 
 
 class IsotropicStripes(NamedTuple):
-    """Stripes that ignore the stress. diffusion : function that returns the modes.
-    pairs : pairs of a major and a minor mode, by number."""
+    """Data of stripe patterns that ignore the stress. diffusion : function that computes the modes.
+    pairs : numbers of a major and a minor mode for each pattern."""
 
     preset: Preset
     pairs: list[tuple[int, int]]
@@ -263,7 +266,7 @@ class IsotropicStripes(NamedTuple):
 
 
 def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
-    """Return stripes of constant width that ignore the stress."""
+    """Return the data of stripe patterns that have a constant width and ignore the stress."""
     isotropy = {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}}
     blind = with_overrides(task.on_modes, isotropy)
     diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
@@ -275,17 +278,17 @@ def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
 
 
 def isotropic(task: ComparisonTask) -> list[Variant]:
-    """Return structures of stripes that ignore the stress."""
+    """Return a structure with stripes that ignore the stress, for each pair of modes."""
     return isotropic_variants(task, isotropic_stripes(task))
 
 
 def isotropic_variants(task: ComparisonTask, blind: IsotropicStripes) -> list[Variant]:
-    """Return a structure for each pair of modes."""
+    """Return a structure for each pair of modes in `blind`, which describes stripes that ignore the stress."""
     return _pair_variants(task, blind.preset, blind.diffusion, blind.pairs)
 
 
 def rotated_stripes(task: ComparisonTask) -> list[Variant]:
-    """Return structures with the diffusion tensors turned by 45 degrees."""
+    """Return structures with stripes from diffusion tensors that are turned by 45 degrees, for each pair of modes."""
 
     @cache
     def diffusion() -> DiffusionResult:
@@ -299,7 +302,7 @@ def rotated_stripes(task: ComparisonTask) -> list[Variant]:
 
 
 def von_mises(task: ComparisonTask) -> list[Variant]:
-    """Return structures with stripes along level lines of the von Mises stress."""
+    """Return structures with stripes along level lines of the von Mises stress, for several phases of the stripes."""
     value = mode_like_field(task.surface, task.statics.answers.stress.largest)
     return [
         Variant(f"phase {phase:g}", partial(_plain_stripes, task, {"von Mises": (value, task.frequency[0])}, phase))
@@ -308,7 +311,7 @@ def von_mises(task: ComparisonTask) -> list[Variant]:
 
 
 def grid(task: ComparisonTask) -> list[Variant]:
-    """Return structures with straight stripes along the surface's longest directions."""
+    """Return structures with straight stripes along the surface's longest directions, for several stripe phases."""
     centred = task.surface.V - task.surface.V.mean(axis=0)
     fields = {
         name: (scaled_field(task.surface, centred @ axis), frequency)
@@ -328,19 +331,19 @@ def turned_tensors(surface: Surface, tensors: DiffusionTensors, angle: float) ->
 
 
 def mode_like_field(surface: Surface, face: Floats) -> Floats:
-    """Return values (n,) at the vertices from values (m,) of the faces, scaled like a mode."""
+    """Return values (n,) at the vertices from values `face` (m,) of the faces, scaled like a diffusion mode."""
     return scaled_field(surface, vertex_means(surface, face))
 
 
 def scaled_field(surface: Surface, value: Floats) -> Floats:
-    """Return values (n,) scaled like a mode: mean 0, mean square 1 / (4 pi)."""
+    """Shift and scale values (n,) at vertices like a diffusion mode: mean 0, mean square 1 / (4 pi)."""
     mass = voronoi_mass(surface)
     value = value - mass @ value / mass.sum()
     return np.asarray(value * np.sqrt(surface.area / (4 * np.pi) / (mass @ value**2)))
 
 
 def principal_axes(task: ComparisonTask) -> Floats:
-    """Return two unit vectors (2, 3), the directions in which the surface is longest."""
+    """Return two unit vectors (2, 3): the two principal axes along which the surface is longest."""
     surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()

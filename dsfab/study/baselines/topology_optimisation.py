@@ -1,4 +1,4 @@
-"""Topology optimisation (SIMP), and a structure cut from the densities to compare with a design."""
+"""Topology optimisation by SIMP, and a structure that is cut along a level line of its densities."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,7 @@ from dsfab.surface import LoadCase, Surface
 
 
 def face_filter(surface: Surface, radius: float) -> csr_array:
-    """Return weights (m, m) between faces whose centroids are at most `radius` metres apart [Sigmund 2007]."""
+    """Return the filter matrix (m, m), which averages over faces up to `radius` metres apart [Sigmund 2007]."""
     i, j = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray").T
     overlap = radius - np.linalg.norm(surface.centroids[i] - surface.centroids[j], axis=1)
     diagonal = np.arange(surface.m)
@@ -30,8 +30,8 @@ def face_filter(surface: Surface, radius: float) -> csr_array:
 
 def filtered_sensitivity(H: csr_array, density: Floats, sensitivity: Floats) -> Floats:
     """Return filtered sensitivities (m,) [Andreassen et al. 2011, eq. 11].
-    H : (m, m) weights of `face_filter`.
-    density, sensitivity : (m,) densities, and sensitivities per area of the face [Sigmund 1997]."""
+    H : (m, m) matrix of `face_filter`.    density : (m,) density of each face, 0 to 1.
+    sensitivity : (m,) sensitivity of the compliance to each density, divided by the face's area [Sigmund 1997]."""
     return np.asarray(H @ (density * sensitivity) / np.maximum(density, 1e-3))
 
 
@@ -41,9 +41,10 @@ class Simp:
     radius       : radius of the filter, metres; 0: see `filter_radius`.
     iterations   : largest number of iterations for each penalisation.
     penalisation : final exponent p. Density x gives the stiffness void + x^p (1 - void) [Bendsoe, Sigmund 1999].
-    steps        : steps in which p rises from 1 [Petersson and Sigmund 1998]; 0: p is constant.
+    steps        : number of steps in which p rises from 1 [Petersson and Sigmund 1998]; 0: p is constant.
     void         : stiffness of an empty face / stiffness of a full face.
-    move, change : largest change of a density in an iteration, and change below which iterations end.
+    move         : largest change of a density in an iteration.
+    change       : iterations end if all densities change by less than this value.
     Raises StaticsError for values out of range."""
 
     radius: float = 0.0
@@ -64,27 +65,27 @@ class Simp:
             )
 
     def filter_radius(self, surface: Surface) -> float:
-        """Return the radius of the filter, metres; if `radius` is 0, from the size of the surface."""
+        """Return the radius of the filter, metres. If `radius` is 0, the surface's size determines it."""
         return self.radius or max(0.03 * float(np.sqrt(surface.area)), 1.1 * surface.mean_edge)
 
     @property
     def penalisations(self) -> Floats:
-        """Values (steps + 1,) of the exponent p."""
+        """Values (steps + 1,) of the penalisation exponent p, in the order of use."""
         return np.linspace(1.0 if self.steps else self.penalisation, self.penalisation, self.steps + 1)
 
     def stiffness(self, density: Floats) -> Floats:
-        """Return the stiffness (m,) of faces / stiffness of full faces."""
+        """Return the stiffness of each face (m,), divided by the stiffness of a full face."""
         return np.asarray(self.void + (1 - self.void) * density**self.penalisation)
 
     def slope(self, density: Floats) -> Floats:
-        """Return the derivative (m,) of the stiffness of each face."""
+        """Return the derivative (m,) of `stiffness` by the density of each face."""
         return np.asarray((1 - self.void) * self.penalisation * density ** (self.penalisation - 1))
 
 
 @dataclass(frozen=True, eq=False)
 class Densities:
     """Result of topology optimisation by SIMP.
-    density : (m,) 0 (void) to 1 (material).    seconds, cpu : wall time and processor time.
+    density : (m,) density of each face, 0 (void) to 1 (material).    seconds, cpu : wall and processor time (s).
     history : (iterations,) compliance (J) before each iteration."""
 
     density: Floats
@@ -102,7 +103,7 @@ class Densities:
         return float(self.history[-1])
 
     def grey(self, surface: Surface) -> float:
-        """Return the share of the area with a density between 0.1 and 0.9."""
+        """Return the fraction of the surface's area with a density between 0.1 and 0.9."""
         return float(surface.areas @ ((self.density > 0.1) & (self.density < 0.9))) / surface.area
 
 
@@ -114,9 +115,9 @@ def densities(
     weights: Mapping[str, float] | None = None,
     options: Simp | None = None,
 ) -> Densities:
-    """Return the densities of faces, 0 to 1, that give the smallest compliance [Andreassen et al. 2011].
-    area    : sum of density times face area, m2.
-    solid   : (m,) mask of faces that stay material.    weights : weight of each load's compliance, default 1.
+    """Return the densities of faces, 0 to 1, that minimise the compliance [Andreassen et al. 2011].
+    area    : required sum of density * face area, m2.
+    solid   : (m,) mask of faces with density 1.    weights : weight of each load's compliance, 1 by default.
     Raises StaticsError without supports, or if `area` is below that of the solid faces or above that of the surface."""
     options, surface = options or Simp(), sheet.surface
     solid = np.zeros(surface.m, dtype=bool) if solid is None else solid
@@ -144,26 +145,26 @@ def _start_density(surface: Surface, area: float, solid: Bools) -> float:
     solid_area = float(surface.areas[solid].sum())
     if not solid_area < area < surface.area:
         raise StaticsError(
-            f"SIMP cannot use {area:.4g} m2: the surface has {surface.area:.4g} m2, and {solid_area:.4g} m2 of it are "
-            "kept; choose an area between these, or set a smaller pattern.keep or pattern.rim"
+            f"SIMP cannot use {area:.4g} m2 of material: the surface has {surface.area:.4g} m2, and {solid_area:.4g} "
+            f"m2 are kept regions; choose an area between these values, or set a smaller pattern.keep or pattern.rim"
         )
     return (area - solid_area) / (surface.area - solid_area)
 
 
 def simp(task: ComparisonTask) -> list[Variant]:
-    """Return the structure of area `task.area` where the densities of SIMP are largest, in a list."""
+    """Return a list with the structure whose material covers the faces with the largest densities of SIMP."""
     free = free_task(task)
     return [Variant("", lambda: _cut_structure(free, optimised_densities(free)))]
 
 
 def free_task(task: ComparisonTask, options: Simp | None = None) -> ComparisonTask:
-    """Return the task without the preset's rim, and with new discs around loads and supports."""
+    """Return the task without a rim. The kept discs around loads and supports get the radius of the SIMP filter."""
     radius = (options or Simp()).filter_radius(task.surface)
     return replace(task, preset=task.preset.with_pattern(keep=radius, rim=0.0))
 
 
 def optimised_densities(task: ComparisonTask, options: Simp | None = None) -> Densities:
-    """Return the result of SIMP for a task. Self-weight is included."""
+    """Return the result of SIMP for a task. The loads include the self-weight."""
     statics, weights = task.preset.statics, task.preset.followed_weights
     sheet = statics.sheet().model_for(task.surface)
     loads = {name: load.of_thickness(task.surface, task.share) for name, load in task.loads.items()}
@@ -171,7 +172,7 @@ def optimised_densities(task: ComparisonTask, options: Simp | None = None) -> De
 
 
 def level_set_structure(task: ComparisonTask, density: Floats) -> Structure:
-    """Return the structure of area `task.area` where the densities of the faces (m,) are largest."""
+    """Return the structure of material area `task.area` where the density is largest. density : (m,) for each face."""
     return matched_structure(task, partial(_level_set_layers, vertex_means(task.surface, density)))
 
 
@@ -180,7 +181,7 @@ def _cut_structure(task: ComparisonTask, result: Densities) -> Structure:
         return level_set_structure(task, result.density)
     except PatternError as error:
         raise PatternError(
-            f"{error}; SIMP left {result.grey(task.surface):.0%} of the area neither void nor material"
+            f"{error}; SIMP left {result.grey(task.surface):.0%} of the area at a density between void and material"
         ) from None
 
 

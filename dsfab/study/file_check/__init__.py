@@ -1,4 +1,4 @@
-"""Check of an exported file by independent readers."""
+"""Check of an exported file by readers that are independent of the export."""
 
 import tempfile
 from collections.abc import Callable
@@ -37,8 +37,8 @@ AGREES, DIFFERS = 0.05, 0.15  # differences of compliance: solid and shell agree
 
 @dataclass(frozen=True)
 class Finding:
-    """The verdict of a check. name : `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
-    reason : a sentence, or ''."""
+    """The verdict of one check of a file. name : `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
+    reason : a sentence that explains the verdict, or ''."""
 
     name: str
     verdict: Status
@@ -48,8 +48,9 @@ class Finding:
 @dataclass(frozen=True, eq=False)
 class FileCheck:
     """Result of the check of a file.
-    clearances : thinnest wall and smallest gap, or None.       density : kg/m3, 0 if unknown.
-    distance, carrying : distance from the design and compliance, or None."""
+    clearances : thinnest wall and smallest gap, or None.    density : kg/m3, 0 if unknown.
+    distance   : distance between the file's solid and the design, or None.
+    carrying   : compliances of the file's solid and the design, or None."""
 
     path: Path
     found: FileContents
@@ -80,9 +81,9 @@ def check_file(
     max_triangles: int = DEFAULT_TRIANGLES,
 ) -> FileCheck:
     """Read a file and check the solid in the file.
-    design : the expected design, or None.
-    unit   : unit of an STL file's numbers, default millimetres.     density : kg/m3, default that of the design.
-    solid  : True to compare the compliance of a solid model, which needs dsfab[solid].
+    design : the design to compare the solid with, or None.
+    unit   : unit of an STL file's numbers, default millimetres.     density : kg/m3; 0 for the design's density.
+    solid  : True to compute the compliance of the solid; this needs the packages of dsfab[solid].
     Raises SurfaceError or ExportError for a file that cannot be read."""
     if progress:
         progress("read", f"reading {Path(path).name}")
@@ -99,8 +100,8 @@ def check_contents(
     progress: Progress | None = None,
 ) -> FileCheck:
     """Check the solid in a file that was already read.
-    contents : read with the deflection `deflection_for(preset)` if a design is given.
-    unit_given : True if the user named the unit of the file's numbers."""
+    contents : contents of the file. With a design, read the file with the deflection `deflection_for(preset)`.
+    unit_given : True if the user named the unit of the file's numbers.    density, solid : as in `check_file`."""
     tell = progress or (lambda stage, doing: None)
     tell("judge", f"looking for holes and crossings in {len(contents.F):,} triangles")
     sound = file_soundness(contents, tell)
@@ -123,8 +124,8 @@ def check_contents(
 
 
 def file_soundness(contents: FileContents, tell: Progress) -> Soundness:
-    """Look for holes and crossing triangles in a file's surface.    tell : function that receives the progress."""
-    finer = "drawing finer triangles on curved faces, because some triangles cross"
+    """Find holes and crossing triangles in a file's surface. tell : function that reports the progress."""
+    finer = "making finer triangles on curved faces, because some triangles cross"
     triangles = StepTriangles(contents.V, contents.F, contents.face, contents.collapsed)
     return curved_soundness(triangles, contents.deflection, contents.shape, lambda: tell("judge", finer))
 
@@ -139,13 +140,13 @@ def _cut_and_measured(
             tell("measure", "measuring walls and gaps")
             walls_and_gaps.append(clearances(contents.V, contents.F))
         if design is not None:
-            tell("compare", "measuring the distance from the design")
+            tell("compare", "measuring the distance of the solid from the design")
             distances.append(distance(contents, design))
 
     cut = []
     with work_while_waiting(measure):
         if contents.shape and sound.sound:
-            tell("judge", "cutting the solid in half")
+            tell("judge", "cutting the solid in half as a test")
             cut.append(_cut_finding(contents))
     return cut, next(iter(walls_and_gaps), None), next(iter(distances), None)
 
@@ -165,7 +166,7 @@ def _cut_finding(contents: FileContents) -> Finding:
         path = Path(folder) / "shape.bin"  # the binary file loads faster than STEP
         path.write_bytes(contents.shape)
         fault, _ = cut_fault(path, contents.path.read_bytes().count(b"ADVANCED_FACE("))
-    why = f"{fault}: for a solid that can be cut in CAD, write step = 'members' or 'faceted'"
+    why = f"{fault}: for a solid that CAD programs can cut, write step = 'members' or 'faceted'"
     return Finding("cut", "unknown", why) if fault else Finding("cut", "pass")
 
 
@@ -190,7 +191,10 @@ def _built_measure(check: Check) -> str:
     if not check.value:
         return "none in the design"
     place = ", ".join(f"{x:.4g}" for x in check.place)
-    return f"minimum in the design: {length(check.value[0])}, at ({place}) m; the limit is {length(check.limit[0])}"
+    return (
+        f"the smallest value in the design is {length(check.value[0])}, at ({place}) m; the limit is "
+        f"{length(check.limit[0])}"
+    )
 
 
 def _solid_compliance(
@@ -199,10 +203,10 @@ def _solid_compliance(
     if not is_requested:
         return None, "not asked for"
     if not usable:
-        return None, "the file is not a sound solid in the right unit"
+        return None, "the file does not contain a valid solid in the right unit"
     if absent := missing_packages():
         return None, absent
-    tell("carry", "filling the solid with tetrahedra and solving it")
+    tell("carry", "filling the solid with tetrahedra and solving this model")
     try:
         return compared_compliance(contents, design), ""
     except DsfabError as error:
@@ -217,4 +221,8 @@ def _compliance_finding(carries: SolidCompliance | None, why: str) -> Finding:
         return Finding("compliance", "pass")
     if difference > DIFFERS:
         return Finding("compliance", "fail")
-    return Finding("compliance", "unknown", f"the compliances differ by {difference:.0%}; compare on a finer mesh")
+    return Finding(
+        "compliance",
+        "unknown",
+        f"the compliances of the file and of the design differ by {difference:.0%}; compare them on a finer mesh",
+    )

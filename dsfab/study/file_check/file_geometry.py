@@ -27,16 +27,17 @@ CURVED = (
     *(f"{word}_SURFACE".encode() for word in ("CYLINDRICAL", "CONICAL", "SPHERICAL", "TOROIDAL")),
     b"SURFACE_OF_",
 )
-"""Names of curved faces in the text of a STEP file."""
+"""Words in the text of a STEP file that mark curved faces."""
 
 
 @dataclass(frozen=True, eq=False)
 class FileContents:
-    """Contents of a file.
-    V      : (n, 3) different points, metres.    F : (m, 3) triangles with three different corners.
+    """The solid in an STL, 3MF or STEP file, as a triangle mesh.
+    V      : (n, 3) distinct points, metres.    F : (m, 3) triangles with three different corners.
     metres : length of the file's unit, metres.    declared : True if the file names the unit.
-    deflection : largest distance (m) of triangles from curved STEP faces; else 0.
-    shape  : STEP shape in OCCT's binary form; else empty.    face : (m,) STEP face of each triangle."""
+    collapsed : number of triangles that were left out, because corners coincide.
+    deflection : largest distance (m) between triangles and curved STEP faces; 0 if there are none.
+    shape  : STEP shape in OCCT's binary format, or empty.    face : (m,) number of each triangle's STEP face."""
 
     path: Path
     V: Floats
@@ -65,9 +66,9 @@ def read_shipped(
     path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES, deflection: float = 0.0
 ) -> FileContents:
     """Read the solid in an STL, 3MF or STEP file.
-    unit : unit of an STL file, default millimetres.
-    max_triangles : largest number of triangles in an STL or 3MF file.
-    deflection : largest distance (m) of triangles from curved STEP faces; 0 is the reader's default.
+    unit : unit of the numbers in an STL file, default millimetres.
+    max_triangles : largest accepted number of triangles in an STL or 3MF file.
+    deflection : largest distance (m) between triangles and curved STEP faces; 0 for the reader's default.
     Raises SurfaceError or ExportError for a missing, empty or unreadable file, or for coordinates that are not finite.
     Raises ExportError for `unit` if the file is not STL."""
     path = Path(path)
@@ -79,7 +80,7 @@ def read_shipped(
     if suffix not in SUFFIXES:
         raise ExportError(f"{path} has the suffix {suffix!r}; `dsfab check` reads {', '.join(SUFFIXES)}")
     if unit is not None and suffix != ".stl":
-        raise ExportError(f"{path} names its own unit; leave out --unit, which is for STL files")
+        raise ExportError(f"the file {path} already states a unit; leave out --unit, which is for STL files")
     if suffix in (".step", ".stp"):
         contents = _step_contents(path, deflection)
     else:
@@ -90,9 +91,9 @@ def read_shipped(
         reader = "lib3mf" if raw.unit else "trimesh"
         contents = FileContents(path, V * metres, F, unit_name, raw.unit is not None, metres, lost, reader)
     if not np.isfinite(contents.V).all():
-        raise SurfaceError(f"{path} has coordinates that are not finite numbers; export it again")
+        raise SurfaceError(f"{path} has coordinates that are not finite numbers; export the file again")
     if not len(contents.F):
-        raise ExportError(f"{path} holds no triangle with three different corners; export it again")
+        raise ExportError(f"{path} has no triangle with three different corners; export the file again")
     return contents
 
 
@@ -100,10 +101,12 @@ def _step_contents(path: Path, deflection: float) -> FileContents:
     if not path.is_file():
         raise ExportError(f"{path} does not exist; check the path")
     if not path.stat().st_size:
-        raise ExportError(f"{path} is empty; export it again")
+        raise ExportError(f"{path} is empty; export the file again")
     with path.open("rb") as file:
         if STEP_BEGINS not in file.read(1000):
-            raise ExportError(f"{path} does not begin with {STEP_BEGINS.decode()} as STEP files do; export it again")
+            raise ExportError(
+                f"{path} does not begin with {STEP_BEGINS.decode()} as STEP files do; export the file again"
+            )
     mesh = read_step(path, deflection * MM_PER_M)
     if not mesh.solids or not len(mesh.F):
         raise ExportError(f"{path} contains no solid; export the part again as a solid")
@@ -121,13 +124,13 @@ def _join_vertices(V: Floats, F: Ints) -> tuple[Floats, Ints, int]:
     return points, F[is_proper], int((~is_proper).sum())
 
 
-FLAT = 64 * float(np.finfo(np.float32).eps)  # smallest height / mesh size of a triangle with a normal
+FLAT = 64 * float(np.finfo(np.float32).eps)  # flatter triangles (height / mesh size) have no normal
 PARALLEL = float(np.cos(np.radians(3)))  # cosine of the smallest angle between faces that form a tip or a notch
 
 
 @dataclass(frozen=True, eq=False)
 class Clearance:
-    """Shortest distance (m) between opposite faces, and its place (3,)."""
+    """Shortest distance between opposite faces of a mesh (`size`, m), and a point where it occurs (`place`, m)."""
 
     size: float
     place: Floats
@@ -138,7 +141,7 @@ class Clearance:
 
 @dataclass(frozen=True, eq=False)
 class Clearances:
-    """The thinnest wall and the smallest gap of a mesh, or None."""
+    """The thinnest wall and the smallest gap of a mesh; None if the mesh has no wall or no gap."""
 
     wall: Clearance | None
     gap: Clearance | None
@@ -146,7 +149,7 @@ class Clearances:
 
 def clearances(V: Floats, F: Ints) -> Clearances:
     """Return the thinnest wall and the smallest gap of a closed mesh.
-    V : (n, 3) metres.    F : (m, 3) oriented outwards."""
+    V : (n, 3) vertices, metres.    F : (m, 3) faces with normals that point outwards."""
     N, has_normal = _normals(V, F)
     face = np.flatnonzero(has_normal)
     corners = V[F[face]]
@@ -190,17 +193,17 @@ def _neighbours(F: Ints, first_faces: Ints, second_faces: Ints) -> Bools:
 
 
 MIXED_UP = {1e-3: "m", 1e-2: "dm", 1e-1: "cm", 25.4: "mm", 1e3: "mm", 1 / 25.4: "in", 1 / 304.8: "ft"}
-"""Probable true unit of a file's numbers, by the size of the file's solid divided by the size of the design."""
+"""Probable true unit of a file's numbers, for a ratio of sizes: size of the file's solid / size of the design."""
 
 
 @dataclass(frozen=True, eq=False)
 class Distance:
-    """Distances (m) between the solid in a file and the solid of a design, with places (3,).
-    skin      : largest distance of the file's top and bottom from their exact place.    skin_mean : mean distance.
-    to_design : largest distance of a point of the file from the design.
-    from_design : largest distance of a point of the design from the file.
-    beyond    : largest excess of a distance over the allowed value; at most 0 if all distances are allowed.
-    allowed   : the allowed value at the place of `beyond`.
+    """Distances (m) between the solid in a file and the solid of a design, with the points (3,) where they occur.
+    skin      : largest distance of the file's top and bottom faces from their exact position.    skin_mean : mean.
+    to_design : largest distance from a point of the file to the design.
+    from_design : largest distance from a point of the design to the file.
+    beyond    : largest difference "distance - allowed distance"; at most 0 if all distances are allowed.
+    allowed   : the allowed distance where this difference occurs.
     scale     : diagonal of the file's bounding box divided by that of the design."""
 
     skin: float
@@ -220,26 +223,27 @@ class Distance:
 
     @property
     def largest(self) -> float:
-        """Larger of `to_design` and `from_design`, metres."""
+        """The larger value of `to_design` and `from_design`, metres."""
         return max(self.to_design, self.from_design)
 
     @property
     def meant_unit(self) -> str | None:
-        """Probable unit of the file's numbers if the assumed unit is wrong; else None."""
+        """Probable true unit of the file's numbers if the assumed unit is wrong; None if it is right."""
         return next((unit for factor, unit in MIXED_UP.items() if abs(self.scale / factor - 1) < 0.02), None)
 
 
 @dataclass(frozen=True, eq=False)
 class Allowance:
     """Allowed distance between the solid in a file and the solid of a design.
-    flat   : metres, on flat faces.    limits : added on curved faces; None without curved faces."""
+    flat   : allowed distance on flat faces, metres.
+    limits : distances to add on curved faces; None if the file has no curved faces."""
 
     flat: float
     limits: SmoothLimits | None = None
 
     @classmethod
     def from_design(cls, contents: FileContents, design: Design) -> "Allowance":
-        """Return the allowed distance for a file and a design."""
+        """Return the allowed distance between the solid in a file and a design's solid."""
         flat, step_tolerance = off_surface(design.preset), design.preset.export.step_tolerance
         if contents.reader != "OCCT":
             return cls(OFF_SURFACE * design.preset.statics.thickness)
@@ -261,17 +265,17 @@ class Allowance:
 
 
 def off_surface(preset: Preset) -> float:
-    """Return the allowed distance (m) of a STEP file's curved faces from the design's surface."""
+    """Return the allowed distance (m) between a STEP file's curved faces and the design's exact surface."""
     return preset.export.step_tolerance or OFF_SURFACE * preset.statics.thickness
 
 
 def deflection_for(preset: Preset) -> float:
-    """Return how far (m) triangles of a check may deviate from a STEP file's curved faces."""
+    """Return the largest allowed distance (m) between a STEP file's curved faces and the triangles of a check."""
     return DEFLECTION * off_surface(preset)
 
 
 def distance(contents: FileContents, design: Design) -> Distance:
-    """Measure the distance of a file's solid from a design's solid and back."""
+    """Measure distances from the solid in a file to a design's solid, and in the opposite direction."""
     V, F, allowed = contents.V, contents.F, Allowance.from_design(contents, design)
     to, to_place, to_excess = _farthest(V, F, design.solid.V, design.solid.F, allowed)
     back, back_place, back_excess = _farthest(design.solid.V, design.solid.F, V, F, allowed)

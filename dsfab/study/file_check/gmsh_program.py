@@ -2,8 +2,8 @@
 
     python -P gmsh_program.py IN.npz OUT.npz
 
-IN contains `edge`, the longest edge, and either V (n, 3) and F (m, 3) or the path `step`.
-OUT gets X (p, 3) and T (k, 4).
+IN contains the longest edge length `edge`, and either vertices V (n, 3) and faces F (m, 3) or the STEP path `step`.
+OUT gets nodes X (p, 3) and tetrahedra T (k, 4).
 The program imports nothing from dsfab, because the licence of gmsh is GPL-2 or later."""
 
 import sys
@@ -16,7 +16,7 @@ TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's numbers for the element types
 
 
 def tetrahedra(mesh_data: Any) -> tuple[Any, Any]:
-    """Return nodes (p, 3) and tetrahedra (k, 4) that fill the solid in `mesh_data`."""
+    """Return nodes (p, 3) and tetrahedra (k, 4) that fill the solid in `mesh_data`, the contents of IN."""
     import gmsh
 
     gmsh.initialize()

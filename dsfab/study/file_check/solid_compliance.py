@@ -44,13 +44,13 @@ class Tetrahedra:
 
 
 def missing_packages() -> str:
-    """Return a text on missing packages for a solid model; '' if all are installed."""
+    """Return a message that names the missing packages for a solid model; '' if all are installed."""
     absent = [name for name in NEEDED if importlib.util.find_spec(name) is None]
-    return f'{" and ".join(absent)} not installed; pip install "dsfab[solid]"' if absent else ""
+    return f'{" and ".join(absent)} not installed; install with: pip install "dsfab[solid]"' if absent else ""
 
 
 def tetrahedra(contents: FileContents, edge: float) -> Tetrahedra:
-    """Fill the solid of a file with tetrahedra, by gmsh. edge : longest edge on the surface of the solid, metres.
+    """Fill the solid in a file with tetrahedra by gmsh. edge : longest edge on the surface of the solid, metres.
     Raises StaticsError if gmsh fails, takes too long, or changes the volume."""
     volume = Surface(contents.V, contents.F).volume
     if contents.path.suffix.lower() in STEP:
@@ -83,7 +83,7 @@ def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> 
     long = np.linalg.norm(P[:, [1, 2, 3, 2, 3, 3]] - P[:, [0, 0, 0, 1, 1, 2]], axis=2).max(axis=1)
     if flat := int((np.abs(six) <= 1e-12 * long**3).sum()):
         raise StaticsError(
-            f"gmsh left {flat} of {len(T)} tetrahedra without volume; the surface has needle-shaped triangles"
+            f"gmsh made {flat} of {len(T)} tetrahedra without volume, because the surface has needle-shaped triangles"
         )
     filled = float(np.abs(six).sum() / 6)
     if abs(filled - volume) > tolerance * volume:
@@ -91,14 +91,14 @@ def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> 
     return Tetrahedra(X, T)
 
 
-OUTSIDE = 0.25  # a point slightly outside a tetrahedron counts: barycentric coordinates from -OUTSIDE are accepted
+OUTSIDE = 0.25  # accept points slightly outside a tetrahedron, with barycentric coordinates from -OUTSIDE
 LARGEST = 1_200_000  # limit on the number of unknowns
 
 
 @dataclass(frozen=True, eq=False)
 class SolidModel:
-    """Stiffness K (N, N), N/m, of a solid with N unknowns.
-    points : (N / 3, 3) positions of the nodes, metres.    node : (N,) node of each unknown."""
+    """Stiffness matrix K (N, N), N/m, of a solid with N unknowns.
+    points : (N / 3, 3) positions of the nodes, metres.    node : (N,) index of each unknown's node in `points`."""
 
     mesh: Tetrahedra
     K: csr_array
@@ -108,7 +108,7 @@ class SolidModel:
 
     @classmethod
     def from_tetrahedra(cls, mesh: Tetrahedra, material: Material) -> "SolidModel":
-        """Return the stiffness of a mesh. Raises StaticsError for more than `LARGEST` unknowns."""
+        """Return the solid model of a tetrahedral mesh. Raises StaticsError for more than `LARGEST` unknowns."""
         from skfem import ElementTetP2, ElementVector, MeshTet
 
         tets = MeshTet(np.ascontiguousarray(mesh.X.T), np.ascontiguousarray(mesh.T.T), sort_t=True)
@@ -129,8 +129,8 @@ class SolidModel:
         return cKDTree(self.mesh.X[self.mesh.T].mean(axis=1))
 
     def interpolation(self, points: Floats, reach: float) -> csr_array:
-        """Return the matrix (3 k, N) that maps the N unknowns to displacements at points (k, 3), metres.
-        Raises StaticsError for points farther than `reach`, metres, from the solid."""
+        """Return the matrix (3 k, N) that maps the N unknowns to the displacements of k points (k, 3), metres.
+        Raises StaticsError for points more than `reach` metres outside the solid."""
         from skfem import ElementTetP2
 
         tet, local = self._locate(points, reach)
@@ -142,7 +142,8 @@ class SolidModel:
         return csr_array(coo_array(entries, shape=(3 * k, self.K.shape[0])))
 
     def _locate(self, points: Floats, reach: float) -> tuple[Ints, Floats]:
-        """Return the tetrahedron (k,) at each point, and the point's coordinates in this tetrahedron."""
+        """Return the number (k,) of the tetrahedron that contains each point or is nearest to it.
+        Return also the local coordinates (3, k) of the point in this tetrahedron."""
         candidates = np.asarray(self._tree.query(points, k=min(40, len(self.mesh.T)))[1]).reshape(len(points), -1)
         P = self.mesh.X[self.mesh.T[candidates]]
         edges = np.swapaxes(P[:, :, 1:] - P[:, :, :1], 2, 3)
@@ -162,7 +163,7 @@ class SolidModel:
 
 
 def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000) -> tuple[csr_array, Ints]:
-    """Return the stiffness matrix, and the numbers (30, k) of the unknowns of each tetrahedron."""
+    """Return the stiffness matrix, and the indices (30, k) of the unknowns of each of k tetrahedra."""
     from skfem import Basis
     from skfem.models.elasticity import lame_parameters, linear_elasticity
 
@@ -175,22 +176,23 @@ def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000
         K = added if K is None else csr_array(K + added)
         dofs = basis.dofs.element_dofs
     if K is None:
-        raise StaticsError("the solid has no tetrahedra")
+        raise StaticsError("the model of the solid has no tetrahedra")
     return K, np.asarray(dofs, dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
 class Holding:
-    """Supports of a solid model as r springs.
-    rows : (r, N) coefficients of the unknowns.    stiffness : (r,) N/m; very large for a rigid support."""
+    """Supports of a solid model, represented by r springs.
+    rows : (r, N) matrix from the unknowns to the elongation of each spring.
+    stiffness : (r,) stiffness of each spring, N/m; very large for a rigid support."""
 
     rows: csr_array
     stiffness: Floats
 
 
 def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -> Floats:
-    """Return the compliances f . u (c,), joules, under c force vectors f (N,).
-    Raises StaticsError if the supports do not hold the model."""
+    """Return the compliances f . u (c,), joules, of a solid under c load vectors f (N,).
+    Raises StaticsError if the supports leave a motion free."""
     K = csr_array(model.K + holding.rows.T @ (diags_array(holding.stiffness) @ holding.rows))
     scale = 1 / np.sqrt(K.diagonal())
     inner = csr_array(diags_array(scale) @ K @ diags_array(scale))
@@ -199,19 +201,19 @@ def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -
     try:
         solve = factorise(inner, model.points, model.node)
     except NotPositiveDefinite:
-        raise StaticsError("the solid is not held by the supports, or falls into pieces") from None
+        raise StaticsError("the supports do not hold the solid, or the solid falls into pieces") from None
     x = solve(f)
     x = x + solve(f - inner @ x)
     return np.asarray((f * x).sum(axis=0))
 
 
 EDGE = 1.0
-"""Longest edge on the solid's surface, divided by the thickness. With a value of 2, compliances were up to 5 % too
-small."""
+"""Longest edge on the solid's surface, divided by the thickness.
+With a value of 2, compliances were up to 5 % too small."""
 COARSE = 1 / 100  # smallest `edge` divided by the solid's size; smaller edges give millions of tetrahedra
 RIGID = 1e3  # stiffness of a rigid support's spring, divided by Young's modulus times the thickness
 GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
-"""Heights of Gauss points above the middle, as multiples of half the thickness, and their weights."""
+"""Gauss points across the thickness: height above the middle, divided by half the thickness, and weight."""
 
 
 @dataclass(frozen=True)
@@ -233,8 +235,8 @@ class SolidCompliance:
 
 
 def compared_compliance(contents: FileContents, design: Design, edge: float | None = None) -> SolidCompliance:
-    """Compare the compliance of the solid in a file with the design's cut sheet.
-    edge : longest edge on the surface of the solid model, metres; default: from the thickness.
+    """Compute the compliances of the solid in a file and of the design's cut sheet, for comparison.
+    edge : longest edge on the surface of the solid model, metres; by default, the thickness determines it.
     Raises StaticsError if gmsh or the solver fails."""
     sheet, statics = design.sheet.surface, design.preset.statics
     loads, t = design.cut_loads, statics.thickness
@@ -255,8 +257,8 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
 
 @dataclass(frozen=True, eq=False)
 class SupportPoints:
-    """Maps from the unknowns of a solid model to the displacements of its sheet.
-    shift : distance from the sheet to the middle of the solid: -1, 0 or 1 half thickness."""
+    """Matrices that map the unknowns of a solid model to displacements of the sheet that it was made from.
+    shift : distance from the sheet to the middle of the solid, in half thicknesses: -1, 0 or 1."""
 
     model: SolidModel
     sheet: Surface
@@ -264,14 +266,14 @@ class SupportPoints:
     shift: int
 
     def mean(self, places: Floats, normals: Floats) -> csr_array:
-        """Return the matrix (3 k, N) from N unknowns to mean displacements at k places.
-        normals : (k, 3) unit normals of the sheet at the places."""
+        """Return the matrix (3 k, N) from N unknowns to displacements at k points, averaged over the thickness.
+        places : (k, 3) points on the sheet, metres.    normals : (k, 3) unit normals of the sheet at these points."""
         parts = (weight * self._level(places, normals, height) for height, weight in GAUSS)
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 
     def rotation(self, edges: Bools) -> csr_array:
-        """Return the matrix (r, N) from N unknowns to rotations about marked edges, at r points.
-        A rotation is a difference of two displacements, metres."""
+        """Return the matrix (r, N) from N unknowns to rotations about edges, at r points on these edges.
+        A rotation is given as the difference of two displacements, metres. edges : (e,) mask of the edges."""
         places, normals, along = self.samples(edges)
         across = np.cross(along, normals)
         across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -282,7 +284,7 @@ class SupportPoints:
         return csr_array(csr_array(entries, shape=(k, 3 * k)) @ apart)
 
     def samples(self, edges: Bools) -> tuple[Floats, Floats, Floats]:
-        """Return points (k, 3) on marked edges, normals (k, 3) there, and the vectors (k, 3) of the points' edges."""
+        """Return points (k, 3) on the marked `edges` (e,), normals (k, 3) there, and the edges' vectors (k, 3)."""
         table = self.sheet.edges
         start, end = np.moveaxis(self.sheet.V[table.ends[edges]], 1, 0)
         count = np.ceil(2 * np.linalg.norm(end - start, axis=1) / self.thickness).astype(np.int64)
@@ -307,7 +309,7 @@ def _holding(points: SupportPoints, interpolation: csr_array, loads: Mapping[str
     stiffness = np.where(fixed, rigid, load.spring).ravel()
     held_unknowns = np.flatnonzero(stiffness)
     rows, strength = [interpolation[held_unknowns]], [stiffness[held_unknowns]]
-    for axes in np.unique(middles[middles.any(axis=1)], axis=0):  # a step for all edges held in the same directions
+    for axes in np.unique(middles[middles.any(axis=1)], axis=0):  # group edges by their held directions
         places, normals, _ = points.samples(np.asarray((middles == axes).all(axis=1)))
         rows.append(points.mean(places, normals)[np.flatnonzero(np.tile(axes, len(places)))])
     if load.clamped.any() and axis is None:

@@ -12,22 +12,22 @@ from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
 CANDIDATE, JUMP = 10.0, 5.0
-"""A step is a snap-through if its displacement per load is large: over JUMP times that of the previous step, and over
-CANDIDATE times that of the first step."""
+"""A load step is a snap-through if its ratio of displacement to load is large. The ratio exceeds JUMP times the ratio
+of the step before, and CANDIDATE times the ratio of the first step."""
 
 
 @dataclass(frozen=True, eq=False)
 class NonlinearCheck:
     """Load factors at which a design fails, computed by CalculiX with large displacements.
-    linear    : load factor at which the perfect solid buckles by linear theory, or None without buckling.
-                For None, the other values are 0 or empty.
+    linear    : load factor at which the perfect solid buckles by linear theory. None if it does not buckle;
+                then the other values are 0 or empty.
     limit     : load factor at which the imperfect solid fails, or the largest computed factor.
     given_way : True if the solid fails.
-    imperfection : largest initial deviation in shape, metres.
-    moved     : largest displacement (m) under the loads, or at the limit if `limit` is below 1.
-    load, u   : (k,) solved load factors, and (k,) largest displacements, metres.
-    edge      : edge length (m) if the surface was cut again; else 0.
-    minutes   : time limit that ended the path; else 0."""
+    imperfection : largest distance between the imperfect and the perfect solid, metres.
+    moved     : largest displacement (m) under the loads, or at the load factor `limit` if it is below 1.
+    load, u   : (k,) solved load factors, and (k,) largest displacement at each factor, metres.
+    edge      : edge length (m) if the surface was cut again for this check; else 0.
+    minutes   : time limit that stopped the computation; 0 if it was not stopped."""
 
     case: str
     linear: float | None
@@ -45,17 +45,19 @@ class NonlinearCheck:
     def sentence(self) -> str:
         model = f"CalculiX, {self.triangles:,} quadratic wedges"
         if self.linear is None:
-            return f"{self.case}: linear theory finds no buckling under this load ({model})"
+            return f"{self.case}: by linear theory, the sheet does not buckle under this load ({model})"
         how, stop = f"the sheet gives way at {self.limit:.3g} times its load", ""
         if self.minutes:
             how = f"the sheet was solved up to {self.limit:.3g} times its load"
-            stop = f", then stopped at the time limit of {self.minutes:.3g} minutes (--minutes): it may bear more"
+            stop = (
+                f", then stopped at the time limit of {self.minutes:.3g} minutes (--minutes): the sheet may bear more"
+            )
         elif not self.given_way:
             how = f"the sheet bears {self.limit:.3g} times its load, and may bear more"
         mesh = f" on a mesh with edges of {length(self.edge)}, without fillets" if self.edge else ""
         return (
             f"{self.case}: {how}, with large displacements and an imperfection of {length(self.imperfection)} in the "
-            f"shape of the first buckling mode{stop}; by linear theory the sheet buckles at {self.linear:.3g} times "
+            f"shape of the first buckling mode{stop}. By linear theory the sheet buckles at {self.linear:.3g} times "
             f"its load ({model}{mesh}, linear elastic material)"
         )
 
@@ -69,10 +71,10 @@ def nonlinear_check(
     edge: float | None = None,
 ) -> NonlinearCheck:
     """Find the load factor at which a design's cut sheet fails, computed with large displacements.
-    case         : case or combination; default: the first combination, or else the first case.
-    imperfection : metres; default: a 300th of the longest side.    minutes : time limit of each run of CalculiX.
-    edge         : smallest edge length (m) of the mesh; 0 for the mesh of the design.
-    Raises StaticsError for springs, a time of 0, loads without support, and if CalculiX is missing or fails."""
+    case         : load case or combination; default: the first combination, or the first case if there is none.
+    imperfection : initial deviation from the perfect shape, metres; default: 1/300 of the design's longest extent.
+    minutes      : time limit of each run of CalculiX.    edge : smallest edge length (m); 0 for the design's mesh.
+    Raises StaticsError for spring supports, a time of 0, loads without support, and if CalculiX fails."""
     if not minutes > 0:
         raise StaticsError(f"the time limit of {minutes:g} minutes is not positive; give --minutes 60, or more")
     require_ccx()
@@ -100,7 +102,7 @@ def nonlinear_check(
 
 def without_fillets(design: Design, edge: float | None, progress: Progress) -> Design:
     """Return the design without fillets in the corners of openings.
-    edge : smallest edge length (m) of the surface; 0 returns the design itself.
+    edge : smallest edge length (m) of the surface mesh; for 0, the design is returned unchanged.
     Raises StaticsError for an edge that is negative or longer than the surface."""
     if edge is not None and not 0 <= edge < design.surface.size:
         raise StaticsError(
@@ -119,9 +121,10 @@ def without_fillets(design: Design, edge: float | None, progress: Progress) -> D
 def solid_check(
     model: WedgeModel, case: str, imperfection: float, seconds: float, progress: Progress
 ) -> NonlinearCheck:
-    """Find the load factors at which a solid buckles by linear theory, and fails.
-    imperfection : metres.    seconds : time limit of each run of CalculiX.    case : name for the result."""
-    progress("nonlinear", f"linear buckling of {len(model.solid.elements):,} wedges by CalculiX")
+    """Find the load factor at which a solid buckles by linear theory, and the factor at which it fails.
+    imperfection : initial deviation from the perfect shape, metres.
+    seconds : time limit of each run of CalculiX.    case : name of the load case, for messages."""
+    progress("nonlinear", f"CalculiX computes linear buckling of a model of {len(model.solid.elements):,} wedges")
     lowest = lowest_buckling(model, seconds)
     if lowest is None:
         return NonlinearCheck(case, None, 0.0, False, 0.0, 0.0, np.zeros(0), np.zeros(0), len(model.solid.elements))
@@ -150,7 +153,7 @@ def solid_check(
 
 
 def softest_range(path: LoadPath) -> tuple[float, float] | None:
-    """Return a range of load factors to solve in finer steps, or None."""
+    """Return the range of load factors in which displacements grow fastest; None if finer steps are not needed."""
     moves = _relative_moves(path)
     step = int(moves.argmax())
     below, above = float(path.load[max(step - 1, 1)]), float(path.load[min(step + 2, len(path.load) - 1)])
@@ -158,7 +161,7 @@ def softest_range(path: LoadPath) -> tuple[float, float] | None:
 
 
 def limit_of(path: LoadPath) -> tuple[int, bool]:
-    """Return the number of the last point that the structure bears, and True if the structure then fails."""
+    """Return the number of the last state that the structure bears, and True if the structure then fails."""
     moves = _relative_moves(path)
     jump = (moves[1:] > JUMP * moves[:-1]) & (moves[1:] > CANDIDATE)
     soft = np.flatnonzero((moves > 100) | np.concatenate([[False], jump]))
@@ -168,7 +171,7 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 
 def last_point(path: LoadPath) -> int | None:
-    """Return the number of the point at which the computation of a path may stop, or None."""
+    """Return the number of the state at which the computation of a path may stop; None to continue."""
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)
     for start, increment in path.failed:

@@ -1,4 +1,4 @@
-"""Parameter sweeps: many designs of one preset, in memory (`sweep`) or in a folder that survives interruptions.
+"""Parameter sweeps: many designs from one preset, in memory (`sweep`) or in a folder that survives interruptions.
 
 plan        sweep files: values, constraints, and strict checks
 metrics     quantities that a sweep can measure
@@ -24,7 +24,7 @@ __all__ = ["BASIC", "METRICS", "Run", "sweep"]
 
 @dataclass(frozen=True)
 class Run:
-    """A design of a sweep: changed preset keys, and metrics by name, or the error that stopped the run."""
+    """A design of a sweep: changed preset values by key, metrics by name, and an error message if it was not built."""
 
     changes: Mapping[str, Any]
     metrics: Mapping[str, float]
@@ -39,10 +39,10 @@ def sweep(
 ) -> list[Run]:
     """Make a design for every combination of the values in `vary`. In the result, the last key changes fastest.
     vary    : dotted preset keys and their values, e.g. {"pattern.major.phase": [0, 0.5], "diffusion.r": [10, 100]}.
-    metrics : names from `METRICS`, or a dict of names and functions of a Design.
-    keep    : function of the changes and the Design of each successful run, e.g. to write files.
-    A design that cannot be built gives a Run with its error. For many processes, or to continue after a stop, use the
-    command `dsfab sweep`.
+    metrics : names from `METRICS`, or a dict that maps names to functions of a Design.
+    keep    : function that is called with the changes and the Design of each successful run, e.g. to write files.
+    A design that cannot be built gives a Run with an error message. The command `dsfab sweep` can use many processes,
+    and can continue after an interruption.
     Raises PresetError for invalid keys, metrics or values, before anything is built."""
     measured = _metrics(metrics)
     listed = list(combinations(vary))

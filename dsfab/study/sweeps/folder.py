@@ -29,7 +29,7 @@ NAME = "coordinator.lock"
 
 @contextmanager
 def only_coordinator(folder: Path) -> Iterator[None]:
-    """Lock a sweep folder. Raises DsfabError for a locked folder."""
+    """Lock a sweep folder while the `with` block runs. Raises DsfabError if another process has locked the folder."""
     holder = folder / f"{NAME}.txt"
     connection = sqlite3.connect(folder / NAME, timeout=0, isolation_level=None)
     try:
@@ -66,7 +66,7 @@ def feasible(row: RunRow, limits: Iterable[Constraint]) -> bool:
 
 
 def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ()) -> list[RunRow]:
-    """Return the runs that meet the limits and have this metric, the best run first."""
+    """Return the runs that meet the constraints `limits` and have a value of `metric`, the best run first."""
     sign = -1 if ABOUT[metric].better == "more" else 1
     usable = [row for row in rows if feasible(row, limits) and isfinite(row.metrics.get(metric, float("nan")))]
     return sorted(usable, key=lambda row: (sign * row.metrics[metric], row.number))
@@ -75,7 +75,7 @@ def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ())
 def pareto(
     rows: Iterable[RunRow], first_metric: str, second_metric: str, limits: Sequence[Constraint] = ()
 ) -> list[RunRow]:
-    """Return the Pareto front of the runs that meet the limits. The best run in `first_metric` is first."""
+    """Return the Pareto front of the runs that meet the constraints `limits`, with the best `first_metric` first."""
     front: list[RunRow] = []
     sign = -1 if ABOUT[second_metric].better == "more" else 1
     usable = [row for row in best(rows, first_metric, limits) if isfinite(row.metrics.get(second_metric, float("nan")))]
@@ -91,12 +91,12 @@ def pareto(
 
 
 def picture_of(row: RunRow) -> str:
-    """Return the path of a run's picture, relative to the sweep's folder, or ''."""
+    """Return the path of a run's picture, relative to the sweep's folder; '' if the run has no picture."""
     return next((name for name in row.files if name.startswith(f"{PICTURES}/")), "")
 
 
 def records(rows: Sequence[RunRow], metrics: Sequence[str], limits: Sequence[Constraint]) -> list[dict[str, Any]]:
-    """Return a row of a results table for each run."""
+    """Return a row of the results table for each run, as a dict. limits : constraints for the column `feasible`."""
     keys = list(dict.fromkeys(key for row in rows for key in row.changes))
     return [
         {
@@ -114,7 +114,7 @@ def records(rows: Sequence[RunRow], metrics: Sequence[str], limits: Sequence[Con
 
 
 def write_tables(folder: Path, table: Sequence[Mapping[str, Any]]) -> list[Path]:
-    """Write `table` as results.csv and, if possible, results.parquet. Return the paths. Raises ExportError."""
+    """Write the rows `table` to results.csv and, if possible, results.parquet. Return the paths. Raises ExportError."""
     if not table:
         return []
     text = StringIO()
@@ -157,7 +157,7 @@ TRIED_AGAIN: tuple[State, ...] = ("killed",)  # states of runs that a new sessio
 
 @dataclass(frozen=True)
 class SweepFolder:
-    """An existing sweep: folder, plan, and base preset of all runs."""
+    """An existing sweep: its folder, its plan, and the preset that all runs change."""
 
     path: Path
     plan: Plan
@@ -165,15 +165,15 @@ class SweepFolder:
 
     @classmethod
     def from_folder(cls, path: Path) -> "SweepFolder":
-        """Return the sweep in a folder. Raises DsfabError."""
+        """Return the sweep in a folder. Raises DsfabError if the folder contains no valid sweep."""
         if not (path / SWEEP).is_file():
             raise DsfabError(f"{path} holds no sweep ({SWEEP} is missing); give the folder or the file of a sweep")
         plan = load_plan(path / SWEEP)
         return cls(path, plan, base_preset(plan))
 
     def job(self, draw: Drawer | None = None, ship_mesh: bool = False) -> Job:
-        """Return the data that workers need for all runs. draw : function that draws a picture of a design.
-        ship_mesh : True to include the mesh file."""
+        """Return the data that worker processes need for all runs. draw : function that draws a picture of a design.
+        ship_mesh : True to include the content of the mesh file, for workers on other machines."""
         values = self.preset.model_dump(mode="json", exclude_none=True)
         mesh = mesh_of(self.preset) if ship_mesh else None
         plan = self.plan
@@ -190,7 +190,7 @@ class SweepFolder:
         report: Callable[[Progress], None] = lambda progress: None,
         retry: Collection[State] = TRIED_AGAIN,
     ) -> None:
-        """Carry out the waiting and interrupted runs, and the runs in the states `retry`."""
+        """Carry out the waiting and interrupted runs, and the runs in the states `retry`, on the workers `crew`."""
         with Store.open(self.path) as store:
             store.reset_to_waiting(("running", *retry))
             try:
@@ -223,11 +223,11 @@ class SweepFolder:
         search(self.plan, make)
 
     def write_tables(self) -> list[Path]:
-        """Write the tables of the results so far."""
+        """Write tables of the results that are available so far. Return the paths."""
         return write_tables(self.path, records(self.rows(), self.plan.measured_metrics, self.plan.limits))
 
     def deliver(self, outcome: Outcome, changes: Changes) -> list[str]:
-        """Write the files of a run, and a log after a failure; return the names. Raises ExportError."""
+        """Write the files of a run, and a log if it failed. Return the names of the files. Raises ExportError."""
         names = []
         for name, content in outcome.files.items():
             place = f"{PICTURES}/{outcome.number:05}.png" if name == "picture.png" else None
@@ -249,7 +249,7 @@ class SweepFolder:
 
 
 def checked_plan(plan: Plan) -> tuple[Preset, list[dict[str, Any]]]:
-    """Return the base preset of a plan, and the changes of each run. Raises PresetError."""
+    """Return the base preset of a plan, and the changed values of each run (none for a search). Raises PresetError."""
     preset, runs = base_preset(plan), points(plan) if plan.search is None else []
     check_points(preset, runs or trials(plan))
     return preset, runs
@@ -258,8 +258,8 @@ def checked_plan(plan: Plan) -> tuple[Preset, list[dict[str, Any]]]:
 def prepare(
     plan: Plan, folder: Path, extend: bool = False, checked: tuple[Preset, list[dict[str, Any]]] | None = None
 ) -> SweepFolder:
-    """Create or update the folder of a plan and record its runs. Call this function inside `only_coordinator`.
-    checked : result of `checked_plan`, if known.    extend : True if a changed plan may add runs.
+    """Create or update the folder of a sweep and record its runs. Call this function inside `only_coordinator`.
+    checked : result of `checked_plan`, if known.    extend : True to accept a changed plan, which may add runs.
     Raises DsfabError for a changed plan without `extend`, and PresetError for invalid keys and values."""
     preset, runs = checked_plan(plan) if checked is None else checked
     settled = _portable_plan(plan, runs)
@@ -273,7 +273,8 @@ def prepare(
                 raise DsfabError(f"{folder} holds a sweep of another preset; choose another folder with -o")
             if changed and not extend:
                 raise DsfabError(
-                    f"{folder} holds another sweep ({', '.join(sorted(changed))} differ); use --extend to add the "
+                    f"{folder} holds another sweep (different settings: {', '.join(sorted(changed))}); use "
+                    f"--extend to add the "
                     "new runs, or choose another folder with -o"
                 )
             if changed & RENEWING:
@@ -285,7 +286,7 @@ def prepare(
 
 
 def sweep_folder(folder: Path) -> Path:
-    """Create a folder for a sweep and return the path. Raises ExportError."""
+    """Create a folder, unless it exists, and return its path. Raises ExportError if this fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Metrics of a sweep: quantities of a design."""
+"""Metrics of a sweep: quantities that are measured on each design."""
 
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
@@ -31,8 +31,8 @@ from dsfab.surface import hat_gradients
 
 
 def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
-    """Return the equilibrium of a design's cut sheet under each load that shapes the pattern, by name.
-    use : purpose of the results. Raises StaticsError if the sheet does not carry the loads."""
+    """Return the solution for a design's cut sheet under each load whose stress determines the pattern, by name.
+    use : purpose, which determines the elements. Raises StaticsError if the sheet does not carry the loads."""
 
     def solve() -> dict[str, Equilibrium]:
         return solve_for(design.preset.statics.sheet().model_for(design.sheet.surface), design.cut_loads, use)
@@ -41,7 +41,7 @@ def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium
 
 
 def verdict(design: Design) -> Verdict:
-    """Return the verdict on a design's cut sheet, under the loads that shape the pattern."""
+    """Return the verdict on a design's cut sheet under the load cases whose stress determines the pattern."""
 
     def run_check() -> Verdict:
         loads = design.statics.loads(design.preset.followed_weights)
@@ -178,15 +178,16 @@ METRICS: dict[str, Metric] = {
     "over_thinner": lambda design: _ratio_to_alternative(design, "thinner"),
     "over_isotropic": lambda design: _ratio_to_alternative(design, "isotropic"),
 }
-"""Metrics of a sweep in SI units: functions of a Design, by name. `ABOUT` describes each metric."""
+"""Functions that measure the metrics of a Design in SI units, by name. `ABOUT` describes each metric."""
 BASIC = ("area", "kept_share", "volume", "mass", "pieces", "genus", "compliance_uncut")
-"""Default metrics of `dsfab.sweep`, which need no further solve."""
+"""Names of the default metrics of `dsfab.sweep`. They need no additional solve."""
 
 Better = Literal["less", "more", ""]
 
 
 class MetricFacts(NamedTuple):
-    """Unit of a metric, whether less or more is better, last stage needed, and description."""
+    """Facts about a metric: its unit, whether less or more is better, and its description (`says`).
+    stage : last stage of the design that the metric needs."""
 
     unit: str
     better: Better
@@ -200,41 +201,64 @@ ABOUT: Mapping[str, MetricFacts] = {
     "volume": MetricFacts("m3", "less", "thickening", "volume of the solid"),
     "mass": MetricFacts("kg", "less", "thickening", "mass of the solid"),
     "pieces": MetricFacts("", "less", "slicing", "number of connected parts of the cut sheet"),
-    "genus": MetricFacts("", "", "thickening", "number of handles of the solid: its holes"),
+    "genus": MetricFacts("", "", "thickening", "number of handles (through holes) of the solid"),
     "compliance_uncut": MetricFacts("J", "less", "statics", "compliance of the surface before it is cut"),
     "sheet_mass": MetricFacts("kg", "less", "slicing", "area x thickness x density, without building the solid"),
     "loose": MetricFacts("", "less", "slicing", "share of the cut material that reaches no support"),
     "pinches": MetricFacts("", "less", "slicing", "point contacts that were joined or split"),
-    "min_width": MetricFacts("m", "more", "slicing", "width that stripes exceed on 90 % of their area"),
-    "evenness": MetricFacts("", "less", "pattern", "widest / narrowest (P95 / P5) spacing in the less even family"),
+    "min_width": MetricFacts("m", "more", "slicing", "width that stripes exceed on 90 % of the area of stripes"),
+    "evenness": MetricFacts(
+        "", "less", "pattern", "widest / narrowest spacing (P95 / P5) in the less even family of stripes"
+    ),
     "dead_ends": MetricFacts("", "less", "pattern", "loose ends of members, and members that make a U-turn"),
     "slits": MetricFacts("", "less", "pattern", "openings narrower than the members beside them"),
-    "deviation": MetricFacts("degrees", "less", "pattern", "angle from members to stress, weighted by the stress"),
+    "deviation": MetricFacts(
+        "degrees", "less", "pattern", "mean angle between members and stress, weighted by the stress"
+    ),
     "crossing_angle": MetricFacts("degrees", "more", "pattern", "smallest angle between two members that cross"),
     "symmetry_error": MetricFacts("", "less", "pattern", "share of the surface where material is not symmetric"),
     "compliance": MetricFacts(
-        "J", "less", "slicing", f"1 solve on the cut mesh, {elements_of('compliance_once')}: 9 designs in 10 within 5 %"
+        "J",
+        "less",
+        "slicing",
+        f"1 solve on the cut mesh, {elements_of('compliance_once')}: error below 5 % for 9 of 10 designs",
     ),
     "compliance_quick": MetricFacts(
-        "J", "less", "slicing", f"1 solve on the cut mesh, {elements_of('ranking')}: ranks designs, 5 to 15 % off"
+        "J", "less", "slicing", f"1 solve on the cut mesh, {elements_of('ranking')}: to rank designs, error 5 to 15 %"
     ),
-    "displacement": MetricFacts("m", "less", "slicing", "largest displacement, solved on the mesh of `compliance`"),
-    "stress": MetricFacts("Pa", "less", "slicing", "von Mises stress on the cut mesh; 99 % of the area has less"),
+    "displacement": MetricFacts(
+        "m", "less", "slicing", "largest displacement, solved on the same mesh as `compliance`"
+    ),
+    "stress": MetricFacts(
+        "Pa", "less", "slicing", "von Mises stress that 99 % of the area does not exceed, on the cut mesh"
+    ),
     "buckling": MetricFacts(
         "",
         "more",
         "slicing",
-        "linear buckling factor on the cut mesh, often 4 to 8 % low; shells fail at a fifth to a half of this factor",
+        "linear buckling factor on the cut mesh, often 4 to 8 % too low; real shells fail at a fifth to a half of "
+        "this factor",
     ),
-    "verdict": MetricFacts("J", "less", "slicing", "compliance by the full verdict, which takes about ten solves"),
-    "verdict_bound": MetricFacts("", "less", "slicing", f"relative error bound of `verdict`, good up to {CONVERGED:g}"),
-    "over_thinner": MetricFacts("", "less", "slicing", "compliance / compliance of a thinner sheet of the same mass"),
-    "over_isotropic": MetricFacts("", "less", "slicing", "compliance over that of isotropic stripes of the same mass"),
-    "ersatz": MetricFacts("J", "less", "slicing", "rough compliance: stiffness of uncut faces x share of material"),
+    "verdict": MetricFacts("J", "less", "slicing", "compliance by the full check, which takes about ten solves"),
+    "verdict_bound": MetricFacts(
+        "", "less", "slicing", f"relative error bound of the metric `verdict`; reliable up to {CONVERGED:g}"
+    ),
+    "over_thinner": MetricFacts(
+        "", "less", "slicing", "compliance / compliance of a thinner whole sheet of the same mass"
+    ),
+    "over_isotropic": MetricFacts(
+        "", "less", "slicing", "compliance / compliance of isotropic stripes of the same mass"
+    ),
+    "ersatz": MetricFacts(
+        "J",
+        "less",
+        "slicing",
+        "rough compliance: the stiffness of each uncut face is multiplied by its share of material",
+    ),
 }
-"""Description of each metric. Only the metric `verdict` refines the cut mesh."""
+"""Unit and description of each metric. Only `verdict` and `verdict_bound` refine the mesh of the cut sheet."""
 
 
 def metric_value(name: str, design: Design) -> float:
-    """Return a metric of a design by name. Raises DsfabError."""
+    """Return the value of a metric for a design. Raises DsfabError if it cannot be computed."""
     return float(METRICS[name](design))

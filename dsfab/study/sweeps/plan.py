@@ -25,7 +25,7 @@ DIGITS = 6  # significant digits of the values in a range
 
 
 class Range(BaseModel):
-    """Values from `from` to `to`, both included, with equal steps or ratios."""
+    """A range of values from `from` to `to`, including the two ends, with equal steps or equal ratios."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
 
@@ -45,14 +45,14 @@ class Range(BaseModel):
         return self
 
     def value_at(self, u: float) -> int | float:
-        """Return the value at position u (0 to 1) of the range."""
+        """Return the value at position u of the range, from 0 (start) to 1 (end)."""
         if self._whole and not self.log:
             return self.start + min(int(u * (self.to - self.start + 1)), int(self.to - self.start))
         value = self._interpolate(u)
         return round(value) if self._whole else float(f"{value:.{DIGITS}g}")
 
     def grid_values(self) -> list[int | float]:
-        """Return `count` values of the range, with both ends."""
+        """Return `count` values of the range, including its two ends."""
         steps = self.count or 1
         values = [self._interpolate(i / max(steps - 1, 1)) for i in range(steps)]
         if self._whole and all(abs(value - round(value)) < 1e-9 * max(1, abs(value)) for value in values):
@@ -71,19 +71,20 @@ class Range(BaseModel):
 
 @dataclass(frozen=True)
 class Axis:
-    """Preset keys that a sweep varies together, with a range (`span`) or `rows` of values."""
+    """Preset keys that a sweep varies together. `span` is the range of a single key.
+    rows : values to use instead of a range; each row has a value for each key."""
 
     keys: tuple[str, ...]
     rows: tuple[tuple[Any, ...], ...] = ()
     span: Range | None = None
 
     def grid_changes(self) -> list[dict[str, Any]]:
-        """Return the changes, from keys to values, for each point of a grid."""
+        """Return a dict from keys to values for each grid point of this axis."""
         rows = self.rows if self.span is None else [(value,) for value in self.span.grid_values()]
         return [dict(zip(self.keys, row, strict=True)) for row in rows]
 
     def changes_at(self, u: float) -> dict[str, Any]:
-        """Return the value of each key at position u, from 0 (start) to 1 (end)."""
+        """Return the value of each key at position u of this axis, from 0 (start) to 1 (end)."""
         if self.span is not None:
             return {self.keys[0]: self.span.value_at(u)}
         row = self.rows[min(int(u * len(self.rows)), len(self.rows) - 1)]
@@ -91,7 +92,7 @@ class Axis:
 
 
 def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str, Sequence[Any]]]) -> list[Axis]:
-    """Return the axes of a sweep: for each key of `vary`, then for each table of linked keys."""
+    """Return the axes (keys that change together) of a sweep: the keys in `vary`, then the tables in `linked`."""
     varied = [
         Axis((key,), span=values) if isinstance(values, Range) else Axis((key,), tuple((value,) for value in values))
         for key, values in vary.items()
@@ -101,7 +102,7 @@ def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str
 
 def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Return nested tables as a flat table with dotted keys, such as "pattern.rim".
-    Ranges, empty tables, and tables whose own key has dots stay values."""
+    Some tables are not flattened: ranges, empty tables, and tables with a dot in their key."""
     entries: dict[str, Any] = {}
     for key, value in table.items():
         if isinstance(value, Mapping) and value and "from" not in value and "." not in key:
@@ -112,7 +113,7 @@ def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def number(text: str) -> int | float:
-    """Return the number in a text, as int or float. Raises ValueError for other texts, inf and nan."""
+    """Return the number that a text contains, as int or float. Raises ValueError for other texts, inf and nan."""
     value: int | float = int(text) if text.strip().lstrip("+-").isdigit() else float(text)
     if not isfinite(value):
         raise ValueError(text)
@@ -147,7 +148,7 @@ class Constraint:
 
     @classmethod
     def from_text(cls, text: str) -> "Constraint":
-        """Return the constraint of a text, such as 'min_width >= 8 mm'. Raises PresetError."""
+        """Return the constraint that a text describes, such as 'min_width >= 8 mm'. Raises PresetError."""
         match = _FORM.match(text)
         try:
             name, sign, value, unit = match.groups() if match else ("", "", "", "")
@@ -164,12 +165,12 @@ class Constraint:
         return cls(name, sign, limit)
 
     def holds(self, values: Mapping[str, float]) -> bool:
-        """Return True if the measured values meet the constraint."""
+        """Return True if the measured values, by name of the metric, meet the constraint."""
         value = values.get(self.metric, float("nan"))
         return not isnan(value) and _HOLDS[self.sign](value, self.limit)
 
     def missed_by(self, values: Mapping[str, float]) -> float:
-        """Return the relative distance from the limit: 0 if the constraint holds, inf without the metric."""
+        """Return |value - limit| / |limit|, but 0 if the constraint holds, and inf if the metric is missing."""
         value = values.get(self.metric, float("nan"))
         if isnan(value):
             return float("inf")
@@ -190,7 +191,7 @@ USUAL = ("kept_share", "sheet_mass", "pieces", "compliance")  # default metrics 
 
 
 class Search(BaseModel):
-    """Section [search] of a sweep file: the metric of the best design."""
+    """Section [search] of a sweep file: the metric to optimise, and the number of designs to evaluate."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -204,7 +205,7 @@ class Search(BaseModel):
 
 
 class Plan(BaseModel):
-    """Content of a sweep file, with paths relative to the file's folder."""
+    """Content of a sweep file. Paths in the file are relative to the file's folder."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -213,19 +214,19 @@ class Plan(BaseModel):
     mesh: str | None = None
     """Mesh file that replaces the preset's surface."""
     set: dict[str, Any] = {}
-    """Values that all runs share, by dotted key."""
+    """Preset values that are equal in all runs, by dotted key."""
     vary: dict[str, Values] = {}
-    """Dotted keys, each with a list of values or a range {from, to, count, log}."""
+    """Preset keys to vary, in dotted form, each with a list of values or a range {from, to, count, log}."""
     linked: tuple[dict[str, Listed], ...] = ()
-    """Tables of keys with lists of values. The keys of a table change together, so its lists have the same length."""
+    """Tables that map preset keys to lists of equal length. All keys of a table change together."""
     sampling: Annotated[str, Field(pattern=r"^(grid|sobol:[1-9]\d*|lhs:[1-9]\d*|csv:.+)$")] = "grid"
     """Choice of the runs. grid: all combinations; sobol:N or lhs:N: N points; csv:FILE: a run for each row."""
     seed: Annotated[int, Ge(0), Le(2**31)] = 0
     """Seed of sobol, lhs and search; equal seeds give equal points."""
     metrics: Annotated[tuple[str, ...], MinLen(1)] = USUAL
-    """Metrics, in SI units."""
+    """Names of the metrics to measure in each run; values are in SI units."""
     constraints: tuple[str, ...] = ()
-    """Conditions such as "pieces == 1"; runs that miss a condition are listed, but not among the best runs."""
+    """Conditions such as "pieces == 1". Runs that do not meet all conditions are never among the best runs."""
     keep: tuple[Kept, ...] = ("picture",)
     """Kinds of files to keep from each run."""
     formats: tuple[Format, ...] = ("stl",)
@@ -264,9 +265,11 @@ class Plan(BaseModel):
     def _possible(self) -> "Plan":
         wrong = [*self._uneven_links(), *self._repeated_keys(), *self._missing_counts()]
         if not self.vary and not self.linked and not self.sampling.startswith("csv:"):
-            wrong.append("nothing is varied; give [vary] at least one key with its values")
+            wrong.append("the sweep varies no key; give [vary] at least one key with its values")
         if self.sampling.startswith("csv:") and (self.vary or self.linked):
-            wrong.append("a csv gives all points; leave [vary] and [[linked]] out, or take another sampling")
+            wrong.append(
+                "a csv file gives all points of the sweep; leave [vary] and [[linked]] out, or use another sampling"
+            )
         if wrong:
             raise ValueError("; ".join(wrong))
         return self
@@ -277,7 +280,7 @@ class Plan(BaseModel):
             lengths = {key: len(values) for key, values in table.items()}
             if len(set(lengths.values())) > 1:
                 lengths_text = ", ".join(f"{key} {length}" for key, length in lengths.items())
-                mistakes.append(f"linked keys need lists of equal length, but have {lengths_text}")
+                mistakes.append(f"linked keys need lists of equal length, but the lengths are: {lengths_text}")
         return mistakes
 
     def _repeated_keys(self) -> list[str]:
@@ -303,7 +306,7 @@ class Plan(BaseModel):
 
     @property
     def measured_metrics(self) -> tuple[str, ...]:
-        """Names of all metrics that each run must compute."""
+        """Names of all metrics that each run must measure, including the metrics in constraints and search."""
         names = [*self.metrics, *(limit.metric for limit in self.limits)]
         return tuple(dict.fromkeys(names + ([self.search.metric] if self.search else [])))
 
@@ -322,17 +325,18 @@ def _check_text(check: Any, text: str) -> None:
 
 
 def load_plan(path: Path) -> Plan:
-    """Return the plan of a sweep file. Raises PresetError with all mistakes."""
+    """Return the plan in a sweep file. Raises PresetError, with all mistakes in its message."""
     return plan_from(read_plan(path), f"sweep {path.name}")
 
 
 def read_plan(path: Path) -> dict[str, Any]:
-    """Return the unchecked tables of a sweep file. Raises PresetError."""
+    """Return the tables of a sweep file without a check. Raises PresetError if the file cannot be read."""
     return _from_folder(read_toml(path, "sweep"), path.absolute().parent)
 
 
 def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
-    """Return a plan from nested tables. Raises PresetError with all mistakes. source : name in this error."""
+    """Return a plan from nested tables. Raises PresetError, with all mistakes in its message.
+    source : name of the source of the tables in this message."""
     try:
         return Plan.model_validate(dict(values))
     except ValidationError as error:
@@ -341,7 +345,7 @@ def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
 
 
 def plan_toml(plan: Plan) -> str:
-    """Return the complete plan as TOML. Varied keys keep their order."""
+    """Return the complete plan as a TOML text. The order of the varied keys is preserved."""
     values = plan.model_dump(mode="json", exclude_none=True, by_alias=True)
     vary = values.pop("vary")
     lines = [_line(key, value) for key, value in vary.items()]
@@ -356,7 +360,7 @@ def _line(key: str, value: Any) -> str:
 
 
 def base_preset(plan: Plan) -> Preset:
-    """Return the base preset of a plan. Raises PresetError if the preset is invalid."""
+    """Return the preset that all runs of a plan change. Raises PresetError if the preset is invalid."""
     preset = load_preset(plan.preset, plan.set, plan.mesh)
     if plan.mesh is None:
         require_mesh(preset)

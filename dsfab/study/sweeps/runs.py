@@ -1,4 +1,4 @@
-"""Runs of a sweep: the sampled points, their SQLite database, and the search."""
+"""Runs of a sweep: sampling of the varied values, a SQLite database of runs, and the search for the best run."""
 
 import csv
 import hashlib
@@ -29,7 +29,7 @@ MOST = 1_000_000  # limit on the number of runs
 
 
 def points(plan: Plan) -> list[Changes]:
-    """Return the changed values of each run of a plan, without repetition.
+    """Return the changed values of each run of a plan, without duplicates.
     `plan.sampling` is grid, csv, sobol (scrambled Sobol points) or lhs [McKay, Beckman, Conover 1979].
     Raises PresetError for more than `MOST` points, and for a CSV file that cannot be read."""
     kind, _, rest = plan.sampling.partition(":")
@@ -43,12 +43,12 @@ def points(plan: Plan) -> list[Changes]:
 
 
 def digest(changes: Mapping[str, Any]) -> str:
-    """Return a short text that identifies the changed values of a run."""
+    """Return a hash of the changed values of a run; it identifies the run."""
     return hashlib.sha256(json.dumps(changes, sort_keys=True, default=str).encode()).hexdigest()[:20]
 
 
 def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
-    """Return the changed values of a run from its positions u (k,), 0 to 1, on k axes."""
+    """Return the changed values of the run with the positions u (k,) on k axes. A position is 0 (start) to 1 (end)."""
     changes: Changes = {}
     for axis, place in zip(axes, u, strict=True):
         changes.update(axis.changes_at(float(place)))
@@ -56,7 +56,8 @@ def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
 
 
 def trials(plan: Plan) -> list[Changes]:
-    """Return changes for trial runs at ends and inner points of each axis."""
+    """Return the changed values of runs that test whether a plan is valid.
+    In each run, one axis of the plan is at its start, end or an inner point. All other axes are at their middle."""
     middle = np.full(len(plan.axes), 0.5)
     runs = []
     for i, axis in enumerate(plan.axes):
@@ -85,14 +86,16 @@ def _grid(axes: list[Axis]) -> Iterator[Changes]:
     listed = [axis.grid_changes() for axis in axes]
     total = int(np.prod([float(len(values)) for values in listed]))
     if total > MOST:
-        raise PresetError(f'the full grid has {total:,} runs; take fewer values, or sampling = "sobol:200"')
+        raise PresetError(
+            f'the full grid has {total:,} runs, which are too many; give fewer values, or sampling = "sobol:200"'
+        )
     for chosen in product(*listed):
         yield {key: value for part in chosen for key, value in part.items()}
 
 
 def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
     if count > MOST:
-        raise PresetError(f"{kind}:{count} has too many runs; take up to {MOST:,}")
+        raise PresetError(f"{kind}:{count} has too many runs; use up to {MOST:,}")
     if kind == "lhs":
         return np.asarray(qmc.LatinHypercube(dimensions, rng=np.random.default_rng(seed)).random(count))
     sampler = qmc.Sobol(dimensions, rng=np.random.default_rng(seed))
@@ -100,8 +103,8 @@ def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
 
 
 def from_csv(path: Path) -> Iterator[Changes]:
-    """Yield the changed values of each row in a CSV file. Column names are dotted preset keys.
-    If the names of some columns begin with 'in:', only these columns are used.    Raises PresetError."""
+    """Yield the changed values in each row of a CSV file. Column names are dotted preset keys.
+    If some column names begin with 'in:', only these columns are used. Raises PresetError if no row can be read."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = list(csv.DictReader(file))
@@ -118,7 +121,7 @@ def from_csv(path: Path) -> Iterator[Changes]:
 
 NAME, FORMAT = "runs.db", 1
 State = Literal["waiting", "running", "done", "failed", "killed"]
-"""State of a run. failed: its design cannot be built. killed: the system killed its workers; a retry may succeed."""
+"""State of a run. failed: the design cannot be built. killed: the operating system ended its worker processes."""
 _KILLED_ONCE = "state = 'failed' AND error LIKE 'the worker was killed % times while it made this run%'"
 """SQL condition for runs that an older dsfab recorded as failed, although they were killed."""
 _SCHEMA = """
@@ -133,7 +136,7 @@ CREATE INDEX by_state ON runs (state);
 
 @dataclass(frozen=True)
 class RunRow:
-    """A recorded run. tries : number of starts.    lost : number of workers that died during this run."""
+    """A run in the database. tries : number of starts.    lost : number of workers that died during the run."""
 
     number: int
     changes: Mapping[str, Any]
@@ -147,7 +150,7 @@ class RunRow:
 
 
 class Store:
-    """The database of a sweep folder; to be used as `with Store.open(folder) as store`.
+    """The database of a sweep folder. Use it as `with Store.open(folder) as store`.
     Methods raise DsfabError if the disk is full or the file cannot be used."""
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
@@ -218,17 +221,17 @@ class Store:
             raise _refusal(self._path, error) from error
 
     def meta(self, key: str) -> str | None:
-        """Return the text that is recorded under a key, such as 'plan', or None."""
+        """Return the text that is recorded under a key, such as 'plan'; None if there is none."""
         rows = self._read("SELECT value FROM meta WHERE key = ?", (key,))
         return str(rows[0][0]) if rows else None
 
     def describe(self, texts: Mapping[str, str]) -> None:
-        """Record texts about the sweep by their keys, such as 'plan'."""
+        """Record texts about the sweep, each under its key, such as 'plan'."""
         with self._change() as db:
             db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", list(texts.items()))
 
     def add(self, runs: Sequence[Mapping[str, Any]], texts: Mapping[str, str]) -> int:
-        """Record the new runs of `runs` as waiting, and `texts` by key. Return the number of new runs."""
+        """Record the new runs among `runs` as waiting, and `texts` under their keys. Return the number of new runs."""
         with self._change() as db:
             before = db.total_changes
             number = db.execute("SELECT coalesce(max(number), 0) FROM runs").fetchone()[0]
@@ -243,26 +246,26 @@ class Store:
         return count
 
     def reset_to_waiting(self, states: Sequence[State] = ("running",)) -> int:
-        """Set the runs in these states to waiting, and return their number."""
+        """Set all runs in `states` to the state "waiting", and return the number of these runs."""
         marks = ", ".join("?" * len(states))
         with self._change() as db:
             db.execute(f"UPDATE runs SET state = 'killed' WHERE {_KILLED_ONCE}")
             return db.execute(f"UPDATE runs SET state = 'waiting' WHERE state IN ({marks})", tuple(states)).rowcount
 
     def start(self, number: int, worker: str) -> None:
-        """Record that a run begins."""
+        """Record that a run begins. number : number of the run.    worker : name of its worker process."""
         with self._change() as db:
             db.execute(
                 "UPDATE runs SET state = 'running', worker = ?, tries = tries + 1 WHERE number = ?", (worker, number)
             )
 
     def lose(self, number: int) -> None:
-        """Record that the worker of a run died, and set the run to waiting."""
+        """Record that the worker process of a run died. The run waits again. number : number of the run."""
         with self._change() as db:
             db.execute("UPDATE runs SET state = 'waiting', lost = lost + 1 WHERE number = ?", (number,))
 
     def give_up(self, number: int, why: str, files: Sequence[str] = ()) -> None:
-        """Record a run as killed. why : message."""
+        """Record a run in the state "killed". number : number of the run.    why : error message."""
         with self._change() as db:
             db.execute(
                 "UPDATE runs SET state = 'killed', error = ?, files = ?, ended = ? WHERE number = ?",
@@ -278,7 +281,7 @@ class Store:
         seconds: float = 0.0,
         peak: int = 0,
     ) -> None:
-        """Record the results of a run, as failed if `error` is not empty, else as done. peak : memory, bytes."""
+        """Record the results of a run: "failed" if `error` is not empty, else "done". peak : largest memory, bytes."""
         state, texts = "failed" if error else "done", (json.dumps(metrics), error, json.dumps(list(files)))
         with self._change() as db:
             db.execute(
@@ -288,11 +291,11 @@ class Store:
             )
 
     def counts(self) -> dict[str, int]:
-        """Return the number of runs by state."""
+        """Return the number of runs in each state."""
         return dict(self._read("SELECT state, count(*) FROM runs GROUP BY state"))
 
     def rows(self, state: State | None = None) -> list[RunRow]:
-        """Return all runs, or the runs in a state, by number."""
+        """Return all runs, or the runs in the given state, in the order of their numbers."""
         where, values = ("WHERE state = ?", (state,)) if state else ("", ())
         columns = "number, changes, state, metrics, error, files, seconds, tries, lost"
         records = self._read(f"SELECT {columns} FROM runs {where} ORDER BY number", values)
@@ -312,26 +315,29 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
         return DsfabError(f"{path} cannot be written: {text}; choose another folder with -o")
     if "locked" in text or "busy" in text:
         return DsfabError(f"{path} is in use by another program; wait until it has ended")
-    return DsfabError(f"{path} cannot be used: {text}; restore it from a copy, or begin in another folder")
+    return DsfabError(
+        f"{path} cannot be used: {text}; restore the file from a copy, or start a sweep in another folder"
+    )
 
 
 FEWEST, PER_AXIS = 12, 4
-"""Number of points in a generation of a search: `PER_AXIS` for each axis, but at least `FEWEST`. The number is the same
-for any number of evaluations, so that a longer search begins like a shorter search."""
+"""Number of runs in a generation of a search: PER_AXIS for each axis, but at least FEWEST.
+It does not depend on the number of evaluations, so that a longer search begins like a shorter search."""
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
-"""Cost of a run that misses constraints (at least), of a failed run, and of a run that was not made [Deb 2000]."""
+"""Costs in a search [Deb 2000]. MISSED: smallest cost of a run that does not meet all constraints.
+FAILED: cost of a failed run. NOT_MADE: cost of a run that was not made."""
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
-"""Function that carries out proposed runs, unless they have a result, and returns their records by `digest`."""
+"""Function that carries out those proposed runs that have no result yet, and returns all recorded runs by `digest`."""
 
 
 def search(plan: Plan, make: Make) -> None:
-    """Search for the best `plan.search.metric` under the constraints. make : carries out runs."""
+    """Search for the run with the best `plan.search.metric` under the constraints. make : carries out proposed runs."""
     _Search(plan, make).run()
 
 
 def cost(row: RunRow | None, metric: str, limits: Sequence[Constraint]) -> float:
-    """Return the cost of a run, which is smaller for better runs.
-    A run that failed or misses a constraint costs at least `MISSED`."""
+    """Return the cost of a run for the search. Better runs have smaller costs.
+    A run that failed or does not meet all constraints `limits` costs at least `MISSED`."""
     if row is None:
         return NOT_MADE
     value = row.metrics.get(metric, float("nan"))

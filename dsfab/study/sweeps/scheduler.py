@@ -1,4 +1,4 @@
-"""Scheduler of a sweep, which gives runs to workers and records their results."""
+"""Scheduler of a sweep: it gives runs to worker processes and records the results."""
 
 import time
 from collections import Counter
@@ -18,7 +18,7 @@ Deliver = Callable[[Outcome, Changes], list[str]]  # writes a run's files and re
 
 @dataclass
 class Progress:
-    """Progress of a sweep: numbers of runs by state, number of runs that ended in this session, and its start time."""
+    """Progress of a sweep: number of runs in each state. Data of this session: number of ended runs, and start time."""
 
     total: int
     done: int
@@ -35,12 +35,12 @@ class Progress:
 
     @property
     def rate(self) -> float:
-        """Finished runs per minute in this session."""
+        """Number of finished runs per minute in this session."""
         return 60 * self.ended_now / max(time.monotonic() - self.begun, 1e-9)
 
     @property
     def seconds_left(self) -> float:
-        """Expected seconds until the end of the sweep."""
+        """Expected time until the end of the sweep, seconds; inf if unknown."""
         return 60 * self.remaining / self.rate if self.ended_now else float("inf")
 
 
@@ -52,22 +52,22 @@ def conduct(
     report: Callable[[Progress], None] = lambda progress: None,
     progress: Progress | None = None,
 ) -> None:
-    """Carry out the runs of a sweep, and record the results in `store`.
-    runs     : changed values of each run, by its number.
+    """Carry out the runs of a sweep on the worker processes `crew`, and record the results in `store`.
+    runs     : changed values of each run, by number of the run.
     deliver  : function that writes the files of a run and returns their names.
-    Raises DsfabError if nothing can be written, or if no worker appears."""
+    report   : function that receives the progress. Raises DsfabError if nothing can be written or no worker appears."""
     _Scheduler(store, crew, runs, deliver, report, progress or current_progress(store)).run()
 
 
 def current_progress(store: Store, total: int | None = None) -> Progress:
-    """Return the progress at the start of a session. total : number of runs; default: all recorded runs."""
+    """Return the progress at the start of a session. total : number of all runs; default: number of recorded runs."""
     counts = store.counts()
     done, failed, killed = (counts.get(state, 0) for state in ("done", "failed", "killed"))
     return Progress(total or sum(counts.values()), done, failed, killed=killed)
 
 
 class Rows:
-    """Queues of waiting runs: a queue for each worker, and a queue of free runs."""
+    """Queues of waiting runs: a queue for each worker process, and a queue of runs without a worker."""
 
     def __init__(self, numbers: Sequence[int], changes: Sequence[Changes]) -> None:
         self._free: list[int] = [numbers[i] for i in stage_order(changes)]
@@ -77,19 +77,19 @@ class Rows:
         return len(self._free) + sum(len(row) for row in self._rows.values())
 
     def take(self, worker: str) -> int | None:
-        """Return the number of a worker's next run, or None."""
+        """Remove the next run of a worker from the queues and return its number; None if no run is left."""
         row = self._rows.setdefault(worker, [])
         if not row:
             self._rows[worker] = row = self._take_share()
         return row.pop(0) if row else None
 
     def give_back(self, worker: str, number: int) -> None:
-        """Free all runs in the queue of a worker, and a run that the worker did not finish."""
+        """Remove a worker. Let other workers take its unfinished run, `number`, and then the runs in its queue."""
         self._free.insert(0, number)
         self.leave(worker)
 
     def leave(self, worker: str) -> None:
-        """Remove a worker, and free the runs in its queue."""
+        """Remove a worker, and let other workers take the runs in its queue."""
         self._free.extend(self._rows.pop(worker, []))
 
     def _take_share(self) -> list[int]:
@@ -129,7 +129,7 @@ class _Scheduler:
                     self._receive(future)
             elif time.monotonic() - alone_since > PATIENCE:
                 raise DsfabError(
-                    f"no worker was available for {PATIENCE:.0f} s; start workers and give the command again"
+                    f"no worker was available for {PATIENCE:.0f} s; start workers of Dask and give the command again"
                 )
             else:
                 time.sleep(tick)

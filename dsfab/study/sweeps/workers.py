@@ -1,4 +1,4 @@
-"""Workers that make the runs of a sweep: processes on this machine, or on a Dask cluster."""
+"""Worker processes that make the runs of a sweep, on this machine or on a Dask cluster."""
 
 import multiprocessing
 import os
@@ -25,15 +25,15 @@ from dsfab.preset.surface_section import FileSurface
 from dsfab.study.sweeps.metrics import metric_value
 
 Drawer = Callable[[Design], bytes]
-"""Function that returns the picture of a design as bytes of a PNG file. The package `dsfab.app` provides it."""
+"""Type of functions that return a picture of a design as the bytes of a PNG file. `dsfab.app` provides them."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """Data for all runs of a sweep.
-    preset : the base preset as nested tables.
-    metrics, keep, formats : see `Plan`.    draw : function that draws a picture, or None.
-    mesh   : content of the mesh file for remote workers; else None."""
+    """Data that are equal for all runs of a sweep.
+    preset : the preset that all runs change, as nested tables.
+    metrics, keep, formats : see `Plan`.    draw : function that draws a picture of a design, or None.
+    mesh   : content of the mesh file for workers on other machines, or None."""
 
     token: str
     preset: Mapping[str, Any]
@@ -46,9 +46,9 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Result of a run: metrics by name, error ('' for success), log, and contents of files by name.
-    seconds : time on the worker.    peak : largest memory of the process, bytes (0 if unknown).
-    killed  : True if the system killed the worker at each attempt."""
+    """Result of a run: metrics by name, error message ('' for success), log, and contents of files by name.
+    seconds : duration of the run.    peak : largest memory of the worker process, bytes (0 if unknown).
+    killed  : True if the operating system killed the worker process at each attempt."""
 
     number: int
     metrics: Mapping[str, float] = field(default_factory=dict)
@@ -65,7 +65,7 @@ _thread_state = threading.local()  # stores the job and the last design of each 
 
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
-    """Carry out a run. A failed run returns an error and the metrics that could be computed."""
+    """Carry out run `number`. If it fails, the result has an error message, and the metrics that could be computed."""
     with _run_lock:
         return _run_job(job, number, changes)
 
@@ -112,7 +112,7 @@ def _base(job: Job) -> Preset:
 
 
 def mesh_of(preset: Preset) -> bytes | None:
-    """Return the content of a preset's mesh file, or None."""
+    """Return the content of a preset's mesh file; None if the surface does not come from a file."""
     return preset.surface.file.read_bytes() if isinstance(preset.surface, FileSurface) else None
 
 
@@ -140,26 +140,26 @@ Changes = Mapping[str, Any]
 
 
 class Workers(Protocol):
-    """A set of workers. A worker makes one run at a time."""
+    """A set of worker processes. A worker makes one run at a time."""
 
     def workers(self) -> Collection[str]:
-        """Return the names of present workers."""
+        """Return the names of the workers that are available now."""
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
-        """Start a run; return a future for the result, which raises an error if the worker dies."""
+        """Start a run on a worker. Return a future for the result; it raises an error if the worker dies."""
 
     def lost(self, worker: str) -> str:
-        """Remove a worker. Return why the worker died, or ''."""
+        """Remove a worker that died. Return the reason of its death; '' if unknown."""
 
     def learn(self, outcome: Outcome) -> None:
-        """Take note of the memory of a finished run."""
+        """Use the memory of a finished run to choose the number of workers."""
 
     def close(self) -> None:
-        """End all workers at once."""
+        """End all worker processes immediately."""
 
 
 class OneWorker:
-    """Workers of which only the first gets runs."""
+    """A set of worker processes `crew`, reduced to its first worker."""
 
     def __init__(self, crew: Workers) -> None:
         self._crew = crew
@@ -184,12 +184,12 @@ class OneWorker:
 
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Environment variables that give a worker one thread, because results may depend on the number of threads."""
+"""Environment variables that limit a worker to one thread, because results may depend on the number of threads."""
 
 
 class LocalWorkers:
-    """Worker processes on this machine.
-    workers : number of workers; default: as many as fit into memory."""
+    """Worker processes on this machine. job : data for all runs.
+    workers : number of processes; default: as many as fit into memory."""
 
     def __init__(self, job: Job, workers: int | None = None) -> None:
         self._job, self._asked = job, workers
@@ -210,7 +210,7 @@ class LocalWorkers:
         return max(1, min(cores(), int(0.8 * self._free / self._peak) if self._free else cores()))
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
-        """Start a run on a worker."""
+        """Start run `number` on a worker, and return a future for the result."""
         for _ in range(2):
             if worker not in self._pools:
                 self._begin(worker)
@@ -232,7 +232,7 @@ class LocalWorkers:
             self.pids[worker] = future.result()
 
     def lost(self, worker: str) -> str:
-        """End a worker. Return a reason if the system killed a process for lack of memory; else ''."""
+        """End a worker process. Return a message if the system killed a process for lack of memory, else ''."""
         self.pids.pop(worker, None)
         pool = self._pools.pop(worker, None)
         if pool is None:
@@ -254,7 +254,7 @@ class LocalWorkers:
 
 @contextmanager
 def quiet_start() -> Iterator[None]:
-    """Return a context in which new processes get one thread each and ignore Ctrl-C."""
+    """Return a context manager. Processes that start in its `with` block have one thread each and ignore Ctrl-C."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     in_main_thread = threading.current_thread() is threading.main_thread()
@@ -269,7 +269,7 @@ def quiet_start() -> Iterator[None]:
 
 
 def end_with_parent() -> None:
-    """Make this worker process end when the process that started it ends."""
+    """Make this worker process end when its parent process ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
@@ -282,12 +282,12 @@ def _watch(sentinel: int) -> None:
 
 
 def cores() -> int:
-    """Return the number of cores for this process."""
+    """Return the number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def free_memory() -> int:
-    """Return the free memory in bytes; 0 if unknown."""
+    """Return the memory that is free for new processes, in bytes; 0 if unknown."""
     sizes = []
     with suppress(OSError, ValueError, IndexError):
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
@@ -300,7 +300,7 @@ def free_memory() -> int:
 
 
 def memory_kills() -> int:
-    """Return how many processes the system has killed for lack of memory."""
+    """Return the number of processes that the operating system has killed so far for lack of memory."""
     for path in ("/sys/fs/cgroup/memory.events", "/proc/vmstat"):
         with suppress(OSError, ValueError, IndexError, StopIteration):
             lines = Path(path).read_text(encoding="ascii").splitlines()
@@ -319,7 +319,7 @@ class DaskWorkers:
         try:
             from distributed import Client
         except ImportError:
-            raise DsfabError("--scheduler needs Dask: install dsfab[cluster]") from None
+            raise DsfabError("--scheduler needs the library Dask: install dsfab[cluster]") from None
         try:
             self._client: Any = Client(scheduler, timeout=SECONDS, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
@@ -330,7 +330,7 @@ class DaskWorkers:
         self._executors: dict[str, Executor] = {}
 
     def workers(self) -> Collection[str]:
-        """Return the addresses of the present workers."""
+        """Return the addresses of the workers that are available now."""
         # newer versions of Dask list only five workers without n_workers=-1
         return list(self._client.scheduler_info(n_workers=-1)["workers"])
 
@@ -342,12 +342,12 @@ class DaskWorkers:
         return cast("Future[Outcome]", self._executors[worker].submit(execute, self._job, number, changes))
 
     def lost(self, worker: str) -> str:
-        """Remove a worker. Return '' always."""
+        """Remove a worker that died. Return '', because the reason is unknown."""
         self._executors.pop(worker, None)
         return ""
 
     def learn(self, outcome: Outcome) -> None:
-        """Do nothing with this outcome."""
+        """Do nothing, because Dask chooses the number of workers."""
 
     def close(self) -> None:
         self._client.close()
@@ -359,7 +359,7 @@ MEMORY = 3e9  # expected memory of one process, bytes
 
 
 def fitting_processes(count: int) -> int:
-    """Return how many processes to use for `count` items."""
+    """Return the number of processes to use for `count` independent items, limited by cores and free memory."""
     free = free_memory()
     return max(1, min(count, cores(), int(free / MEMORY) if free else cores()))
 
@@ -367,9 +367,9 @@ def fitting_processes(count: int) -> int:
 def map_in_processes(
     job: Callable[[Item], Result], items: Sequence[Item], workers: int, work: Callable[[Item], float] | None = None
 ) -> Iterator[Result]:
-    """Yield job(item) for each item in order. Raises DsfabError if a process dies.
-    workers : number of processes; 1 for the current process.
-    work    : expected duration of an item in any unit."""
+    """Yield job(item) for each item, in the order of `items`. Raises DsfabError if a process dies.
+    workers : number of processes; 1 to use only the current process.
+    work    : function that returns the expected duration of an item, in any unit."""
     if workers == 1:
         yield from map(job, items)
         return

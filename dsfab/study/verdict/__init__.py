@@ -1,4 +1,4 @@
-"""A calibrated verdict: the compliance of a cut sheet, with an error bound.
+"""The verdict on a cut sheet: its compliance, with a calibrated error bound.
 
 check ─► attached_material                     supported pieces and their loads (verdict.py)
       ─► Refinement ─► on_mesh ─► level          mesh after mesh (verdict.py, levels.py)

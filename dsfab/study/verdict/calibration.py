@@ -1,4 +1,4 @@
-"""Tests of the error bound of verdicts on random designs."""
+"""Tests of the verdict's error bound on random designs."""
 
 import csv
 import io
@@ -36,13 +36,13 @@ TABLE = files("dsfab.study.verdict") / "calibration.csv"
 @dataclass(frozen=True)
 class TrialRow:
     """Results of a random design, solved on two to four meshes.
-    width      : rule for the widths of the stripes.          share : share of the surface that is material.
+    width      : rule for the widths of the stripes.          share : material area / surface area.
     vertices   : number of vertices of the uncut mesh.        triangles : number of triangles of the cut mesh.
-    per_member : mean width of the members, in mean edges of the uncut mesh.
+    per_member : mean width of the members / mean edge length of the uncut mesh.
     facets     : median of L^2 / (R h): edge length L, radius of curvature R, thickness h.
     quick      : compliance (J) by hybrid + hhj elements on the cut mesh.
     midedge    : compliance (J) by quadratic + midedge elements on the first mesh.
-    compliance, recovery : compliance (J) on each mesh, and energy of the stress error / compliance."""
+    compliance : compliance (J) on each mesh.    recovery : energy of the stress error / compliance on each mesh."""
 
     kind: str
     seed: int
@@ -59,27 +59,27 @@ class TrialRow:
 
     @property
     def is_plane(self) -> bool:
-        """True for a flat sheet that is loaded in its plane."""
+        """True if the sheet is flat and loaded in its plane."""
         return self.kind == "cantilever"
 
     @property
     def levels(self) -> int:
-        """Number of meshes for the verdict on the design, two or three."""
+        """Number of meshes (two or three) that the verdict on the design uses."""
         return 2 if self._estimate_after(2).bound <= CONVERGED else 3
 
     @property
     def estimate(self) -> estimates.ComplianceEstimate:
-        """Compliance (J) in the verdict on the design, and its error bound."""
+        """Compliance (J) and error bound that the verdict on the design gives."""
         return self._estimate_after(self.levels)
 
     @property
     def truth(self) -> float:
-        """Compliance (J) extrapolated from all meshes."""
+        """Compliance (J) extrapolated from all meshes, used as the true value."""
         return estimates.limit_at_own_rate(self.compliance)
 
     @property
     def error(self) -> float:
-        """Signed relative error of the compliance in the verdict."""
+        """Signed relative error of the verdict's compliance, compared with `truth`."""
         return self.estimate.value / self.truth - 1
 
     @property
@@ -93,7 +93,7 @@ class TrialRow:
 
     @property
     def is_inside(self) -> bool:
-        """True if the error of the compliance is at most the verdict's error bound."""
+        """True if the true compliance lies within the verdict's error bound."""
         compliance_estimate = self.estimate
         return abs(self.truth - compliance_estimate.value) <= compliance_estimate.bound * compliance_estimate.value
 
@@ -105,9 +105,9 @@ class TrialRow:
 @dataclass(frozen=True)
 class Summary:
     """Statistics of random designs. Errors and error bounds are relative to the compliance.
-    converged    : number of designs with a bound of at most `CONVERGED`.
-    inside       : share of designs whose error is within the bound.     median_bound : median of all bounds.
-    largest_error : largest error of a verdict from several meshes.
+    converged    : number of designs with an error bound of at most `CONVERGED`.
+    inside       : fraction of designs with an error within the bound.    median_bound : median of all bounds.
+    largest_error : largest error of a verdict.
     quick_median, quick_most : median and 90 % quantile of the errors of a single solve."""
 
     designs: int
@@ -120,11 +120,11 @@ class Summary:
 
 
 def summary(rows: Sequence[TrialRow]) -> Summary:
-    """Return the statistics of the tested designs.
-    Raises ValueError if there is no such design."""
+    """Return the statistics of all designs in `rows` that were also solved on a finer mesh than the verdict uses.
+    Raises ValueError if there are none."""
     rows = [row for row in rows if row.is_tested]
     if not rows:
-        raise ValueError("no design was solved on a finer mesh than those of its verdict")
+        raise ValueError("no design was solved on a mesh finer than the meshes of its verdict")
     bounds, quick = [row.estimate.bound for row in rows], [abs(row.quick_error) for row in rows]
     return Summary(
         len(rows),
@@ -138,7 +138,7 @@ def summary(rows: Sequence[TrialRow]) -> Summary:
 
 
 def table_text(rows: Iterable[TrialRow]) -> str:
-    """Return the rows as CSV."""
+    """Return the rows as a text in CSV format."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     names = [field.name for field in fields(TrialRow)]
@@ -154,7 +154,7 @@ def shipped_table() -> list[TrialRow]:
 
 
 def read_table(text: str) -> list[TrialRow]:
-    """Return the rows of a text that `table_text` has written."""
+    """Return the rows in a CSV text that `table_text` has made."""
     rows = []
     for cells in csv.DictReader(io.StringIO(text)):
         values: dict[str, Any] = {
@@ -178,8 +178,8 @@ WIDTHS = ("plain", "constant", "graded")
 
 @dataclass(frozen=True)
 class Kind:
-    """Random designs on one surface. preset : name of a shipped preset.    changes : changed values of the preset.
-    frequency : smallest and largest frequency of the stripes."""
+    """A kind of random designs. preset : name of the shipped preset with their surface.
+    changes : changed values of the preset, by key.    frequency : smallest and largest frequency of the stripes."""
 
     preset: str
     changes: dict[str, Any]
@@ -214,11 +214,11 @@ KINDS: dict[str, Kind] = {
     ),
     "ring": Kind("bob", {"surface.edge": 0.1, "statics.thickness": 0.03, "pattern.keep": 0.08}, (3.0, 6.0)),
 }
-"""Kinds of random designs, meshed with 500 to 700 vertices. `ring` is a closed surface with one handle."""
+"""Kinds of random designs, by name. Their meshes have 500 to 700 vertices. `ring` is a closed surface of genus 1."""
 
 
 def random_design(kind: str, seed: int) -> Design:
-    """Return a random design; equal seeds give equal designs.
+    """Return a random design. kind : key of `KINDS`.    seed : equal seeds give equal designs.
     Raises DsfabError if the design cannot be built."""
     rng, surface_kind = np.random.default_rng([seed, list(KINDS).index(kind)]), KINDS[kind]
     width: dict[str, Any] = {"rule": WIDTHS[int(rng.integers(len(WIDTHS)))]}
@@ -234,7 +234,7 @@ def random_design(kind: str, seed: int) -> Design:
 
 
 def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
-    """Return the results of `random_design(kind, seed)` on up to `count` finer and finer meshes.
+    """Return the results of the design `random_design(kind, seed)`, solved on up to `count` finer and finer meshes.
     Raises DsfabError if the design cannot be built or does not carry its loads."""
     design = random_design(kind, seed)
     setting = LoadedSurface.from_design(design)
@@ -261,7 +261,7 @@ def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
         tuple(mesh_level.compliance[case] for mesh_level in levels),
         tuple(mesh_level.zz_membrane[case] + mesh_level.zz_bending[case] for mesh_level in levels),
     )
-    largest_triangles = 100_000  # skip a larger fourth mesh if the row is already tested
+    largest_triangles = 100_000  # tested rows skip a fourth mesh with more triangles
     if count > 3 and (64 * row.triangles <= largest_triangles or not row.is_tested):
         finest = _solve(setting, next(finer), forces, MAIN_ELEMENTS)
         recovery = finest.zz_membrane[case] + finest.zz_bending[case]
@@ -275,7 +275,7 @@ def _solve(setting: LoadedSurface, mesh: Sheet, forces: Mapping[str, Shares], *p
 
 def calibrate(count: int = 8, report: Callable[[str, int], None] | None = None) -> Iterator[TrialRow]:
     """Yield the results of `count` random designs of each kind.
-    report : function that receives the kind and the seed before each design."""
+    report : function that is called with the kind and the seed before each design is made."""
     for kind in KINDS:
         seed = solved = 0
         while solved < count:

@@ -1,4 +1,4 @@
-"""Estimates from several meshes, with error bounds, and stress away from corners."""
+"""Estimates of compliance, buckling and frequency from several meshes, and largest stress away from corners."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ LEAST_EDGES_PER_MEMBER = 4.0  # dsfab warns of members narrower than 4 edges of 
 
 @dataclass(frozen=True)
 class ComplianceEstimate:
-    """Compliance of a sheet (J). bound : error bound, divided by the compliance."""
+    """Estimated compliance of a sheet: `value` (J), and the error bound divided by the compliance (`bound`)."""
 
     value: float
     bound: float
@@ -42,7 +42,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
-    """Return the limit of values on finer and finer meshes, if the steps shrink by a constant ratio."""
+    """Return the limit of `values` on finer and finer meshes, if their differences shrink by a constant ratio."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / EXTRAPOLATION_DIVISOR
@@ -51,14 +51,15 @@ def limit_at_own_rate(values: Sequence[float]) -> float:
 
 WIDEST_MODE_BOUND = 0.05  # two meshes suffice if each mode's relative error bound is at most this
 STEP_RATIOS = (1.5, 4.0)
-"""Smallest and largest ratio of a step to the next step in extrapolations. A step is the difference of values on two
-meshes. Below the smallest ratio, the steps do not clearly decrease."""
+"""Smallest and largest ratio of a step to the next step that an extrapolation uses.
+A step is the difference of a result on two successive meshes. Below the smallest ratio, steps do not clearly shrink."""
 
 
 @dataclass(frozen=True)
 class ModeEstimate:
-    """Lowest buckling factor, or lowest frequency (Hz).
-    bound : relative error bound; inf for one mesh.    ratio : first step / second step of three values, or None."""
+    """Estimate (`value`) of the lowest buckling factor, or of the lowest frequency (Hz).
+    bound : relative error bound; inf for one mesh.
+    ratio : (second - first value) / (third - second value) for three meshes, else None."""
 
     value: float
     bound: float
@@ -66,7 +67,7 @@ class ModeEstimate:
 
     @property
     def finite_bound(self) -> float | None:
-        """The error bound; None if only one mesh was solved."""
+        """The relative error bound; None if only one mesh was solved."""
         return self.bound if self.bound < float("inf") else None
 
 
@@ -94,8 +95,8 @@ REENTRANT_ANGLE = np.radians(30)  # a corner is reentrant if its angle exceeds 1
 @dataclass(frozen=True)
 class Extreme:
     """Largest value of a quantity on a surface.
-    place : point, m.    quantile : value that 99 % of the area does not exceed.
-    away  : largest value far from corners, or None."""
+    place : point (m) with this value.    quantile : value that is not exceeded on 99 % of the area.
+    away  : largest value far from corners; None if unknown."""
 
     value: float
     place: tuple[float, float, float]
@@ -109,7 +110,8 @@ class Extreme:
 
 
 def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> dict[str, Extreme]:
-    """Return the largest stresses (Pa) by name: stress (von Mises), tension and compression (principal, at least 0).
+    """Return the largest stresses (Pa) in all layers of a sheet, by name.
+    Names: `stress` (von Mises), `tension` and `compression` (principal stresses, at least 0).
     supported : (n,) mask of supported vertices."""
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     values = {
@@ -122,7 +124,7 @@ def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> 
 
 
 def extreme(surface: Surface, value: Floats, off_corner_faces: Bools | None = None) -> Extreme:
-    """Return the largest of values (m,) on faces. off_corner_faces : (m,) mask of the faces far from corners."""
+    """Return the largest value (m,) of all faces. off_corner_faces : (m,) mask of the faces far from corners."""
     worst = int(value.argmax())
     x, y, z = (float(v) for v in surface.centroids[worst] + 0.0)
     away = float(value[off_corner_faces].max()) if off_corner_faces is not None and off_corner_faces.any() else None
@@ -130,12 +132,12 @@ def extreme(surface: Surface, value: Floats, off_corner_faces: Bools | None = No
 
 
 def quantile(value: Floats, weight: Floats, share: float = 0.99) -> float:
-    """Return the quantile of values (k,) with weights (k,). share : fraction of the total weight."""
+    """Return the weighted quantile of k values. weight : (k,) weights.    share : quantile, 0 to 1."""
     return weighted_quantile(value, weight, share)
 
 
 def off_corners(surface: Surface, supported: Bools) -> Bools:
-    """Return a mask (m,) of the faces away from reentrant corners and ends of supports."""
+    """Return a mask (m,) of the faces far from reentrant corners and ends of supports. supported : (n,) vertices."""
     corners = np.concatenate([inward_corners(surface), support_ends(surface, supported)])
     if not len(corners):
         return np.ones(surface.m, dtype=bool)
@@ -145,13 +147,13 @@ def off_corners(surface: Surface, supported: Bools) -> Bools:
 
 
 def rib_width(surface: Surface) -> float:
-    """Return the mean width of the members, metres; inf for a surface without a border."""
+    """Return the mean width of a cut sheet's members, metres: 2 * area / length of the border; inf without a border."""
     length = float(surface.edge_lengths[surface.edges.boundary].sum())
     return 2 * surface.area / length if length else float("inf")
 
 
 def inward_corners(surface: Surface) -> Ints:
-    """Return the border vertices (c,) at which the material's angle exceeds 210 degrees."""
+    """Return the numbers (c,) of reentrant border vertices: the angle of the material there exceeds 210 degrees."""
     X = surface.V[surface.F]
     ahead, back = np.roll(X, -1, axis=1) - X, np.roll(X, 1, axis=1) - X
     angle = np.arctan2(np.linalg.norm(np.cross(ahead, back), axis=2), (ahead * back).sum(axis=2))
@@ -162,7 +164,7 @@ def inward_corners(surface: Surface) -> Ints:
 
 
 def support_ends(surface: Surface, supported: Bools) -> Ints:
-    """Return the supported border vertices (c,) that have an unsupported neighbour on the border."""
+    """Return the numbers (c,) of supported border vertices with an unsupported neighbour on the border."""
     ends = surface.edges.ends[surface.edges.boundary]
     mixed = ends[supported[ends].sum(axis=1) == 1]
     return np.unique(mixed[supported[mixed]])

@@ -1,4 +1,4 @@
-"""Finer and finer meshes of a sheet, solved by two pairs of elements."""
+"""Solves of a sheet on finer and finer meshes, by two pairs of elements."""
 
 import time
 from collections.abc import Mapping
@@ -36,7 +36,8 @@ from dsfab.surface import LoadCase, Surface
 
 class Shares(NamedTuple):
     """Forces (N) of a load on a cut sheet, summed at vertices and faces of the uncut surface.
-    vertices : (n, 3) forces around each vertex.    faces : (p, 3) forces in each of the first p faces."""
+    vertices : (n, 3) sum of the point forces around each vertex.
+    faces    : (p, 3) sum of the distributed forces in each of the first p faces."""
 
     vertices: Floats
     faces: Floats
@@ -56,9 +57,9 @@ def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
 def on_mesh(
     surface: Surface, sheet: Sheet, uncut_loads: Mapping[str, LoadCase], forces: Mapping[str, Shares]
 ) -> tuple[dict[str, LoadCase], dict[str, SpreadLoad]]:
-    """Return the supports and loads of a cut sheet (any mesh), and the loads as forces per area.
-    uncut_loads : supports and loads on the uncut surface, by case.
-    forces      : forces of these loads, from `shares`."""
+    """Return the supports and loads of a mesh of the cut sheet, by load case, and the loads as forces per area.
+    uncut_loads : supports and loads on the uncut surface, by load case.
+    forces      : forces of these loads on the cut sheet, from `shares`."""
     F, areas = sheet.surface.F, sheet.surface.areas
     hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])
     mass = np.asarray(hats.T @ areas)
@@ -77,10 +78,10 @@ PARABOLIC_SHEAR = 6 / 5  # energy factor of a parabola of shear stress over the 
 
 
 class RibSoftening(NamedTuple):
-    """Effects that make a solid softer than a thin sheet: compliances, divided by that of the thin sheet.
+    """Three effects that make a solid softer than a thin sheet. All values are divided by the sheet's compliance.
     torsion : additional compliance if ribs twist as bars; inf if this solve fails.
-    shear   : compliance by transverse shear.
-    bending : compliance by bending, multiplied by the square root of (thickness / mean rib width)."""
+    shear   : additional compliance from transverse shear strain.
+    bending : compliance from bending, multiplied by the square root of (thickness / mean rib width)."""
 
     torsion: float
     shear: float
@@ -95,8 +96,8 @@ def rib_softening(
     answers: Mapping[str, Equilibrium],
     stresses: Mapping[str, SheetStress],
 ) -> dict[str, RibSoftening]:
-    """Return effects that make a solid softer than the thin sheet, by load case.
-    spreads : loads as forces per area and per length.    answers, stresses : of the thin sheet."""
+    """Return the effects that make a solid softer than a thin sheet, by load case.
+    spreads : loads as forces per area and per length.    answers, stresses : solutions of the thin sheet."""
     surface, h, material = sheet.surface, sheet.thickness, sheet.material
     try:
         barred = [answer.compliance for answer in solve_cases(sheet, loads, elements, spreads, bars=True).values()]
@@ -118,7 +119,7 @@ def rib_softening(
 
 
 def _means_within(surface: Surface, reach: float) -> csr_array:
-    """Return the matrix (m, m) that averages face vectors within `reach`, metres."""
+    """Return the matrix (m, m) that averages the faces' vectors over all faces within `reach` metres of each face."""
     tree = cKDTree(surface.centroids)
     pairs = tree.sparse_distance_matrix(tree, min(reach, 2 * surface.mean_edge), output_type="coo_matrix")
     face, neighbour = pairs.coords
@@ -128,31 +129,31 @@ def _means_within(surface: Surface, reach: float) -> csr_array:
 
 
 def theory_share(soft: RibSoftening) -> float:
-    """Return the fraction by which a solid's compliance may exceed that of the thin sheet."""
+    """Return the largest expected value of "compliance of the solid / compliance of the thin sheet - 1"."""
     return 1.2 * (soft.torsion + soft.shear) + 0.1 * soft.bending
 
 
 MAIN_ELEMENTS, SPREAD_ELEMENTS = elements_of("compliance"), elements_of("spread")
-"""Two pairs of membrane and bending elements; the errors of their compliances mostly have opposite signs."""
+"""Two pairs of membrane and bending elements. The errors of the two compliances mostly have opposite signs."""
 QUICK_ELEMENTS = elements_of("compliance_once")  # elements for one quick solve
 BYTES_PER_UNKNOWN = {
     "PARDISO": {"hhj": 2200.0, "midedge": 1900.0, None: 1900.0},
     "multifrontal": {"hhj": 4200.0, "midedge": 3000.0, None: 2800.0},
 }
-"""Memory (bytes) of a solve per unknown, by solver and bending element, measured with 0.3 to 3.3 million unknowns.
+"""Memory of a solve per unknown, in bytes, by solver and bending element (measured with 0.3 to 3.3 million unknowns).
 PARDISO needs less, because it stores only half of a symmetric factor."""
 
 
 @dataclass(frozen=True)
 class Level:
     """Results on one mesh, by load case.
-    unknowns   : number of unknowns of the main elements, the first of `pairs`.
+    unknowns   : number of unknowns of the main elements.
     compliance : compliance (J) by the main elements.
     midedge    : compliance (J) by `SPREAD_ELEMENTS`; empty if not solved.
-    zz_membrane, zz_bending : energies of stress errors divided by the compliance.
+    zz_membrane, zz_bending : energies of the estimated stress errors, divided by the compliance.
     residual   : largest relative residual of all solves, in the energy norm.
     seconds    : time of all solves.       memory   : peak memory of the process so far, bytes.
-    softer     : `RibSoftening` by case; empty if not requested, or if a flat sheet is solved in 2D."""
+    softer     : `RibSoftening` by load case; empty if not requested, or if a flat sheet is solved in 2D."""
 
     triangles: int
     unknowns: int
@@ -177,7 +178,7 @@ def level(
 ) -> Level:
     """Solve the sheet on one mesh, for load cases with the same supports.
     spreads : the loads as forces per area and per length.    pairs : membrane and bending elements, main pair first.
-    ribs    : True to also solve with ribs that twist as bars.
+    ribs    : True to also compute the effects that make a solid softer (`RibSoftening`).
     Raises StaticsError if a solve fails."""
     start = time.perf_counter()
     plane = flat_axis(surface, *loads.values()) is not None
@@ -212,7 +213,7 @@ def level(
 def recovery_errors(
     surface: Surface, material: SheetMaterial, sheet_stress_field: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
-    """Return the energies of the membrane and bending stress errors / compliance [Zienkiewicz and Zhu 1987]."""
+    """Return energies of estimated membrane and bending stress errors / compliance [Zienkiewicz and Zhu 1987]."""
     if answer.compliance <= 0:
         return 0.0, 0.0
     C = np.linalg.inv(material.material.membrane(material.law)) * material.thickness
@@ -229,5 +230,5 @@ def _energy_norm(surface: Surface, difference: Floats, matrix: Floats) -> float:
 
 
 def memory_needed(unknowns: int, bending: str | None, solver: str) -> int:
-    """Return the expected memory (bytes) of a solve. bending : element, or None in 2D."""
+    """Return the expected memory of a solve, bytes. bending : name of the bending element; None without bending."""
     return int(BYTES_PER_UNKNOWN[solver][bending] * unknowns)

@@ -1,4 +1,4 @@
-"""Buckling factors and frequencies of a cut sheet, with error bounds."""
+"""Buckling factors and natural frequencies of a cut sheet, with error bounds."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -36,10 +36,10 @@ MODE_ELEMENTS: Elements = elements_of("buckling")  # buckling and frequencies sh
 
 @dataclass(frozen=True)
 class ModeLevel:
-    """Lowest buckling factors and frequency on a mesh.
-    buckling  : lowest buckling factor of each case, or None; empty if not requested.
+    """Lowest buckling factors and lowest natural frequency on one mesh.
+    buckling  : lowest factor of each load case, None if it does not buckle; empty if not requested.
     hertz     : lowest frequency (Hz); None if not requested.
-    local     : note by case, if buckling moves only a small part of the sheet."""
+    local     : a note for each load case in which only a small part of the sheet buckles."""
 
     triangles: int
     buckling: Mapping[str, float | None]
@@ -49,8 +49,8 @@ class ModeLevel:
 
 @dataclass(frozen=True)
 class ModeIntervals:
-    """Lowest buckling factors and lowest frequency with error bounds.
-    buckling : lowest buckling factor by case; without cases that do not buckle.
+    """Lowest buckling factors and lowest natural frequency, with error bounds.
+    buckling : lowest factor of each load case that buckles.
     hertz    : lowest frequency, or None.    levels : results on each mesh, coarse to fine.
     refusals : reasons why a value or a finer mesh is missing."""
 
@@ -62,16 +62,16 @@ class ModeIntervals:
 
     @property
     def local(self) -> Mapping[str, str]:
-        """Notes by case, if buckling moves only a small part of the sheet."""
+        """A note for each load case in which only a small part of the sheet buckles."""
         return self.levels[-1].local if self.levels else {}
 
 
 def mode_intervals(
     setting: LoadedSurface, material: Sheet, request: ResultRequest, budget: float, progress: Progress | None = None
 ) -> ModeIntervals:
-    """Return the lowest buckling factor of each case and the lowest frequency, with error bounds.
+    """Return the lowest buckling factor of each load case and the lowest natural frequency, with error bounds.
     material : cut sheet.    request : requested results.    budget : memory limit of each solve, bytes.
-    Errors are listed in `refusals`."""
+    No error is raised; the field `refusals` of the result lists the errors."""
     levels: list[ModeLevel] = []
     refusals: list[str] = []
     assumed = ""
@@ -83,7 +83,10 @@ def mode_intervals(
             # two factorisations are stored, so assume the solver that needs the most memory
             needed = memory_needed(MODE_ELEMENTS.unknowns(mesh.surface), MODE_ELEMENTS.bending, "multifrontal")
             if levels and needed > budget:
-                refusals.append(f"a finer mesh for bounds of buckling and frequency would need {needed / 1e9:.1f} GB")
+                refusals.append(
+                    f"error bounds of buckling and frequency need a finer mesh, which would take {needed / 1e9:.1f} "
+                    f"GB of memory"
+                )
                 break
             if progress:
                 progress("modes", f"{mesh.surface.m:,} triangles")
@@ -110,8 +113,8 @@ def mode_level(
     request: ResultRequest,
     carried: Floats | None = None,
 ) -> ModeLevel:
-    """Return the lowest buckling factor of each case and the lowest frequency on a mesh, if requested.
-    spreads : loads as forces per area and length.    carried : (n,) masses of loads, kg.
+    """Return the lowest buckling factor of each load case and the lowest natural frequency on a mesh, if requested.
+    spreads : loads as forces per area and length.    standing : supports.    carried : (n,) masses of loads, kg.
     Raises StaticsError if a solve fails."""
     sheet, factor_cache = material.model_for(surface), FactorCache(2)
     K = sheet_stiffness(sheet, MODE_ELEMENTS)

@@ -1,4 +1,4 @@
-"""The verdict on a cut sheet."""
+"""The verdict on a cut sheet: its compliance on finer and finer meshes, with an error bound."""
 
 import math
 import time
@@ -40,8 +40,8 @@ from dsfab.surface import LoadCase, Surface, pieces
 @dataclass(frozen=True, eq=False)
 class LoadedSurface:
     """The uncut surface and its loads.
-    made      : material and thickness of the sheet.    loads : supports and loads by case.
-    permanent : permanent loads besides the sheet's weight."""
+    made      : material and thickness of the sheet.    loads : supports and loads by load case.
+    permanent : permanent loads without the sheet's weight; their mass vibrates with the sheet."""
 
     surface: Surface
     made: SheetMaterial
@@ -50,7 +50,7 @@ class LoadedSurface:
 
     @classmethod
     def from_design(cls, design: Design, share: float = 1.0) -> "LoadedSurface":
-        """Return the surface and loads of a design. share : factor on the thickness."""
+        """Return the surface and loads of a design. share : factor on the design's thickness."""
         statics = design.preset.statics
         material, surface = statics.sheet(share * statics.thickness), design.surface
         loads = {name: case.load.of_thickness(surface, share) for name, case in design.statics.cases.items()}
@@ -58,7 +58,7 @@ class LoadedSurface:
 
 
 class Dropped(NamedTuple):
-    """A piece of material that reaches no support: area (m2), and a point (m)."""
+    """A piece of material without a connection to a support: its area (m2), and a point in it (m)."""
 
     area: float
     place: tuple[float, float, float]
@@ -73,8 +73,8 @@ def whole_sheet(surface: Surface) -> Sheet:
 def attached_material(
     setting: LoadedSurface, material: Sheet
 ) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
-    """Return the material that is connected to a support, the other pieces (largest first), and the loads by case.
-    Raises StaticsError."""
+    """Return the pieces of material that are connected to a support, and all other pieces, largest first.
+    Return also the loads by load case. Raises StaticsError if the supports do not hold the material."""
     s, load = material.surface, next(iter(setting.loads.values()))
     count, label = pieces(s.F, s.edges)
     area = np.bincount(label, s.areas, count)
@@ -101,13 +101,13 @@ Depth = Literal["quick", "full"]
 
 @dataclass(frozen=True)
 class CaseVerdict:
-    """The verdict on one load case or combination.
+    """The verdict on one load case or load combination.
     value  : compliance, J; nan if nothing was solved.
-    bound  : largest error of the value, divided by the value; inf if unknown.
+    bound  : largest error of the compliance, divided by the compliance; inf if unknown.
     status : fail if the sheet does not carry the loads; pass if the bound is at most `CONVERGED`; else unknown.
-    spread : compliance by midedge elements / compliance by hhj elements, minus 1, on the first mesh.
-    zz_membrane, zz_bending : energies of stress errors, divided by the compliance.
-    theory : fraction by which a solid may be softer than this thin sheet."""
+    spread : compliance by midedge elements / compliance by hhj elements - 1, on the first mesh.
+    zz_membrane, zz_bending : energies of the estimated stress errors, divided by the compliance.
+    theory : fraction by which a solid's compliance may exceed that of this thin sheet."""
 
     name: str
     value: float
@@ -124,11 +124,11 @@ class CaseVerdict:
 class Verdict:
     """Verdict on the compliance of a cut sheet.
     depth      : quick (one mesh) or full (two or three meshes).
-    status     : status of the governing case.
-    cases      : verdicts by case; the first case governs.
+    status     : status of the governing load case.
+    cases      : verdicts on the load cases; the first case governs.
     levels     : results on each mesh, coarse to fine.
-    dropped    : pieces of material that reach no support, largest first.
-    per_member : mean width of members divided by the mean edge; inf for a sheet without a border.
+    dropped    : pieces of material without a connection to a support, largest first.
+    per_member : mean width of members / mean edge length; inf for a sheet without a border.
     facets     : median of L^2 / (R h): edge length L, radius of curvature R, thickness h."""
 
     depth: Depth
@@ -144,17 +144,17 @@ class Verdict:
 
     @property
     def value(self) -> float:
-        """Compliance of the governing case, J."""
+        """Compliance in the governing load case, J."""
         return self.cases[0].value
 
     @property
     def bound(self) -> float:
-        """Error bound of the governing case's compliance, as a fraction."""
+        """Relative error bound of the compliance in the governing load case."""
         return self.cases[0].bound
 
     @property
     def theory(self) -> float:
-        """Fraction by which a solid may be softer than the thin sheet."""
+        """Fraction by which a solid's compliance may exceed that of the thin sheet, in the governing load case."""
         return self.cases[0].theory
 
     @property
@@ -163,11 +163,11 @@ class Verdict:
         return max((level.memory for level in self.levels), default=0)
 
     def case(self, name: str) -> CaseVerdict:
-        """Return the verdict on one case. Raises KeyError."""
+        """Return the verdict on the load case `name`. Raises KeyError for an unknown name."""
         return {case.name: case for case in self.cases}[name]
 
     def record(self) -> dict[str, Any]:
-        """Return the verdict as plain values for JSON; None for nan and infinity."""
+        """Return the verdict as a dict for a JSON file, with None for nan and infinity."""
         values = asdict(self) | {"value": self.value, "bound": self.bound, "theory": self.theory, "memory": self.memory}
         values["dropped"] = [piece._asdict() for piece in self.dropped]
         return dict(_plain(values))
@@ -188,9 +188,9 @@ COUNT = {2: "two levels", 3: "three levels"}
 @dataclass
 class Refinement:
     """Solves of a sheet on finer and finer meshes.
-    smooth   : curved surface that finer meshes follow.    budget : memory limit of each solve, bytes.
+    smooth   : curved surface on which finer meshes lie.    budget : memory limit of each solve, bytes.
     stopped  : status and reason if the refinement ended early, else None.
-    unsolved : True if the solver rejected the last mesh."""
+    unsolved : True if the last mesh could not be solved."""
 
     setting: LoadedSurface
     smooth: SmoothSurface
@@ -202,7 +202,7 @@ class Refinement:
     unsolved: bool = False
 
     def refine(self, sheet: Sheet, loads: Mapping[str, LoadCase]) -> None:
-        """Solve finer and finer meshes of the cut sheet."""
+        """Solve finer and finer meshes of the cut sheet, until the error bound of all load cases is small."""
         forces = shares(sheet, loads)
         bent = islice(meshes(sheet, self.smooth), MOST_MESHES)
         for mesh in [sheet] if self.depth == "quick" else bent:
@@ -237,8 +237,8 @@ class Refinement:
         if needed <= self.budget:
             return ""
         return (
-            f"the next mesh, of {mesh.m:,} triangles, needs about {needed / 1e9:.1f} GB and the budget is "
-            f"{self.budget / 1e9:.1f} GB; raise the budget or make the surface's mesh coarser"
+            f"the next finer mesh, of {mesh.m:,} triangles, needs about {needed / 1e9:.1f} GB of memory, but the "
+            f"limit is {self.budget / 1e9:.1f} GB; raise the limit or make the surface's mesh coarser"
         )
 
     def _solve(self, mesh: Sheet, forces: Mapping[str, Shares]) -> None:
@@ -258,8 +258,8 @@ class Refinement:
         if self.depth == "quick":
             typical, largest_error = estimates.QUICK_ERRORS
             reason = (
-                f"one solve on the cut mesh: typical error {percent(typical)}, under {percent(largest_error)} "
-                "for 90 % of designs"
+                f"one solve on the cut mesh: the typical error is {percent(typical)}, and the error is below "
+                f"{percent(largest_error)} for 90 % of designs"
             )
             return CaseVerdict(name, values[0], largest_error, "unknown", reason, 0.0, *errors)
         coarsest = self.levels[0]
@@ -267,7 +267,9 @@ class Refinement:
         estimate = estimates.estimate(values, spread, sum(errors[:2]))
         is_known = len(values) > 1 and estimate.bound <= CONVERGED
         if len(values) == 1:
-            reason = f"error bound {percent(estimate.bound)} from one mesh; only finer meshes can show convergence"
+            reason = (
+                f"the error bound from one mesh is {percent(estimate.bound)}; only finer meshes can show convergence"
+            )
         elif is_known:
             reason = f"converged within {percent(estimate.bound)}"
         else:
@@ -293,17 +295,17 @@ def check(
     progress: Progress | None = None,
     cells: Sheet | None = None,
 ) -> Verdict:
-    """Return the compliance of a loaded cut sheet with an error bound, or why the sheet fails.
-    sheet   : cut sheet; default: that of the design.
+    """Return the verdict on a loaded cut sheet: its compliance with an error bound, or the reason of its failure.
+    sheet   : cut sheet; default: the design's sheet.
     depth   : "quick": one solve. "full": two or three meshes.
     budget  : memory limit of each solve, bytes.
-    cells   : cut mesh with openings, to repair very thin triangles.
+    cells   : mesh of the sheet and its openings; needed to repair very thin triangles.
     Raises ValueError for a `LoadedSurface` without a sheet."""
     start = time.perf_counter()
     setting = LoadedSurface.from_design(subject) if isinstance(subject, Design) else subject
     if sheet is None:
         if not isinstance(subject, Design):
-            raise ValueError("a LoadedSurface has no sheet: pass `sheet`")
+            raise ValueError("a LoadedSurface contains no sheet: pass the argument `sheet`")
         cells = subject.slicing.cells
         sheet = cells.subset()
     smooth = SmoothSurface.from_surface(setting.surface)
@@ -359,13 +361,14 @@ def _warnings(across: float, facets: float) -> list[str]:
     warnings = []
     if across < estimates.LEAST_EDGES_PER_MEMBER:
         warnings.append(
-            f"the mean width of members is {across:.2g} edges of the uncut mesh (better "
-            f"{estimates.LEAST_EDGES_PER_MEMBER:g} or more), so their outline is coarse; make the mesh finer "
+            f"the mean width of members is only {across:.2g} edges of the uncut mesh "
+            f"({estimates.LEAST_EDGES_PER_MEMBER:g} or more are better), so the outline of members is coarse; make "
+            f"the mesh finer "
             "(surface.edge), or use fewer stripes"
         )
     if facets > FACETS:
         warnings.append(
-            f"flat faces are too far off the smooth surface: L^2 / (R h) is {facets:.2g}, not below {FACETS:g}, for "
-            "edge length L, radius R and thickness h; make the mesh finer (surface.edge)"
+            f"flat faces are too far from the smooth surface: L^2 / (R h) is {facets:.2g} and should be below "
+            f"{FACETS:g}, for edge length L, radius R and thickness h; make the mesh finer (surface.edge)"
         )
     return warnings

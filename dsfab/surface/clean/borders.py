@@ -1,4 +1,4 @@
-"""Repair of a mesh's borders."""
+"""Repair of a mesh's borders: ragged borders and holes."""
 
 from dataclasses import dataclass
 
@@ -8,19 +8,19 @@ from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, face_angles, le
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table
 
 RAGGED_TURN = float(np.radians(35))
-"""Smallest change of direction at a vertex of a ragged border, in radians, measured in the surface. Finely divided
-borders have smaller changes."""
+"""Smallest change of direction at a vertex of a ragged border, in radians, measured in the surface.
+Smooth borders of fine meshes have smaller changes."""
 LEAST_TURNS = 12
-"""A ragged border turns left and right alternately at least this many times. Fewer turns may be intended, such as
-the corners of an opening."""
+"""Smallest number of alternate left and right turns of a ragged border.
+A border with fewer turns may be intended, such as the corners of an opening."""
 LARGEST_GAP = 3  # Largest number of edges between two successive changes of direction on a ragged border.
 FLAT = float(np.radians(150))
-"""Largest angle of a face on a straightened border, in radians. Faces with larger angles are removed."""
+"""Largest angle of a face at a smoothed border vertex, in radians. Faces with larger angles are removed."""
 
 
 @dataclass(frozen=True, eq=False)
 class EvenEdges:
-    """A mesh V (n, 3), F (m, 3) with even borders. moved : number of moved vertices. most : largest move, unit of V."""
+    """Mesh V (n, 3), F (m, 3) with smooth borders. moved : number of moved vertices. most : longest move, unit of V."""
 
     V: Floats
     F: Ints
@@ -80,7 +80,7 @@ def _alternates(turn: Floats) -> bool:
 
 
 def _smoothed_line(P: Floats, closed: bool) -> Floats:
-    """Smooth a line (k, 3) without shrinking [Taubin 1995]."""
+    """Smooth a polyline through points P (k, 3) without shrinking it [Taubin 1995]."""
     for k in range(20):
         step = (-0.53 if k % 2 else 0.5) * ((np.roll(P, 1, axis=0) + np.roll(P, -1, axis=0)) / 2 - P)
         if not closed:
@@ -110,9 +110,9 @@ def _flat_ears(V: Floats, F: Ints, touched: Ints, line: Ints) -> Bools:
 
 
 def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
-    """Return the triangles (k - 2, 3) that fill the outline P (k, 3) with the least area, or None.
-    The triangles follow the direction of the outline.
-    joined : (k, k) pairs of points that already have an edge in the mesh."""
+    """Return the triangles (k - 2, 3) of least area that fill a hole with the outline P (k, 3); None if impossible.
+    The triangles are oriented as the outline.
+    joined : (k, k) mask of pairs of outline points that already have an edge in the mesh."""
     k = len(P)
     if k == 3:
         return np.array([[0, 1, 2]])

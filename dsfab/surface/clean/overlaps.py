@@ -1,4 +1,4 @@
-"""Repair of a mesh whose sheets coincide or cross."""
+"""Repair of a mesh with sheets (connected layers of faces) that coincide or cross."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -26,8 +26,8 @@ from dsfab.surface.topology import EdgeTable, corners_of, edge_table, link_compo
 
 
 def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
-    """Mark the pairs (p,) of vertices on lines where two sheets of a mesh F (m, 3) cross.
-    pairs : (p, 2) vertices at the same place."""
+    """Return a mask (p,) of vertex pairs that lie on a line where two sheets of a mesh F (m, 3) cross.
+    pairs : (p, 2) numbers of vertices with the same position."""
     edges = edge_table(F)
     n = int(max(F.max(), pairs.max())) + 1
     inner = np.zeros(n, dtype=bool)
@@ -75,20 +75,20 @@ SAMPLES = np.array(
     [[0.36, 0.33, 0.31], [0.8, 0.11, 0.09], [0.1, 0.79, 0.11], [0.09, 0.12, 0.79]]
     + [[0.48, 0.43, 0.09], [0.1, 0.47, 0.43], [0.44, 0.08, 0.48]]
 )
-"""Barycentric weights (7, 3) of sample points in a face: near its middle, its three corners and its three sides.
+"""Barycentric coordinates (7, 3) of sample points in a face: near its middle, its three corners and its three edges.
 The weights are uneven, so that no sample point lies on an edge that divides a square into halves or quarters."""
 
 
 @dataclass(frozen=True, eq=False)
 class OverlappingFaces:
-    """Faces that lie on other faces: `whole` (k,) with all their area, `part` (l,) with a part."""
+    """Numbers of faces that other faces cover: `whole` (k,) over their whole area, `part` (l,) over a part of it."""
 
     whole: Ints
     part: Ints
 
 
 def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
-    """Return the faces of the mesh V (n, 3), F (m, 3) that lie on other faces [Jacobson et al. 2018, libigl]."""
+    """Return the faces of a mesh V (n, 3), F (m, 3) that other faces cover [Jacobson et al. 2018, libigl]."""
     edges = edge_table(F)
     rim, side = np.nonzero(edges.boundary[edges.of])
     m, (low, high) = len(F), bounding_box(V, F)
@@ -113,7 +113,8 @@ def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
 
 
 def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> Ints:
-    """Return triples (k, 3): a face, a row of `SAMPLES`, and another face over this sample point."""
+    """Return index triples (k, 3): a face, a sample point (row of `SAMPLES`), and another face that covers the point.
+    faces, samples : (r,) pairs of a face and a sample point to test."""
     P = V[F]
     normal = unit_vectors(area_vectors(V, F))
     reach = np.maximum(SAG * lengths(P - np.roll(P, 1, axis=1)).max(axis=1), WELD)[faces]
@@ -174,7 +175,7 @@ def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
 
 
 def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
-    """Mark groups of `faces` whose removal would open an edge."""
+    """Return a mask of `faces`. It marks connected groups of faces that would leave an open edge if removed."""
     m, remaining = len(edges.of), np.full(len(edges.ends), -1)
     remaining_faces = np.delete(np.arange(m), faces)
     remaining[edges.of[remaining_faces]] = remaining_faces[:, None]
@@ -199,12 +200,13 @@ LEAST_AREA_RATIO = 0.8  # Smallest ratio of the areas of two parallel sheets, sm
 IGNORED_SHARE = 0.1  # Comparisons use the 10 % and 90 % quantiles of distances, weighted by area.
 
 _REMARKS = {
-    "copy": "the surface has two sheets only {} apart, probably copies; delete one of the sheets, or set "
+    "copy": "the surface has two sheets at a distance of only {}, probably two copies of one sheet; delete one of the "
+    "sheets, or set "
     "surface.mend = true",
     "slab": "the surface is a closed slab, {} thick, so dsfab would build each of its two faces as a sheet; give its "
     "middle surface, or set surface.mend = true",
-    "apart": "the surface has two parallel sheets, {} apart, and dsfab builds both; delete one if they are the two "
-    "faces of one thick sheet",
+    "apart": "the surface has two parallel sheets, {} apart, and dsfab builds both sheets; delete one sheet if both "
+    "are faces of one thick slab",
 }
 _REPAIRS = {
     "copy": "a second copy of the sheet, {} from the first copy, was dropped",
@@ -215,11 +217,11 @@ _REPAIRS = {
 @dataclass(frozen=True, eq=False)
 class ParallelParts:
     """Two parallel parts of a mesh.
-    keep, other : (k,) faces of the part that stays, and (l,) faces of the other part.
+    keep, other : (k,) face numbers of the part that stays, and (l,) face numbers of the part that a repair removes.
     gap   : median distance between the parts, in the mesh's unit.
-    kind  : "copy", two copies of a sheet at one place; "slab", the two faces of a solid; "apart", two separate sheets.
-    piece : (p,) all faces of the slab, or empty.
-    way   : (3,) translation from `keep` to `other` in an extruded slab, or empty, (0,)."""
+    kind  : "copy": two coincident sheets; "slab": top and bottom of a thin solid; "apart": two separate sheets.
+    piece : (p,) numbers of all faces of the slab, or empty.
+    way   : (3,) translation from `keep` to `other` if the slab is extruded; else empty, (0,)."""
 
     keep: Ints
     other: Ints
@@ -282,7 +284,8 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
 
 
 def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) -> Floats:
-    """Return the translation (3,) from the first to the second part; (0,) if none fits [Chen and Medioni 1992]."""
+    """Return the translation (3,) that moves the first part of a mesh onto the second part; (0,) if none fits.
+    The parts are faces (k, 3). side : square root of the part's area [Chen and Medioni 1992]."""
     P, n = V[first_part].mean(axis=1), area_vectors(V, first_part)
     area = lengths(n)
     n /= np.maximum(area, 1e-300)[:, None]
@@ -332,7 +335,8 @@ def _candidate_pairs(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[t
 
 
 def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool = False) -> float | None:
-    """Return the median distance of two parts; None if the parts are not parallel."""
+    """Return the median distance between two parts of a mesh; None if the parts are not parallel.
+    The parts are faces (k, 3). side : square root of a part's area.    even : True for a stricter test."""
     ways = ((first_part, second_part), (second_part, first_part))
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])
@@ -353,7 +357,7 @@ def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
 
 
 def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
-    """Yield warnings about overlapping faces of a mesh V (n, 3), F (m, 3), except `reported` (k,)."""
+    """Yield warnings about overlapping faces of a mesh V (n, 3), F (m, 3), except the face numbers `reported` (k,)."""
     sound = np.flatnonzero(in_reach(V)[F].all(axis=1))
     used, near = np.unique(F[sound], return_inverse=True)
     V, became = merged_vertices(V[used], WELD, partial(crossing_pairs, near.reshape(-1, 3)))
@@ -367,14 +371,14 @@ def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
         faces = np.setdiff1d(sound[faces], reported)
         if len(faces):
             yield (
-                f"{len(faces)} of {len(F):,} faces lie {partly}on other faces in one plane "
-                f"(first: {first_few(faces)}), so the sheet is double there; {remedy}"
+                f"{len(faces)} of {len(F):,} faces lie {partly}on other faces in the same plane (first: "
+                f"{first_few(faces)}), so the sheet is double at these faces; {remedy}"
             )
 
 
 def single_sheets(V: Floats, F: Ints, metres: float) -> tuple[Floats, Ints, tuple[str, ...]]:
-    """Return the mesh V (n, 3), F (m, 3) without second copies and slabs (thin solids), and a text for each repair.
-    metres : length of the mesh's unit in metres."""
+    """Remove second copies of sheets from a mesh V (n, 3), F (m, 3), and replace thin solids by their middle surfaces.
+    Return vertices, faces, and a message for each repair. metres : length of the mesh's unit in metres."""
     doubled = [pair for pair in parallel_parts(V, F) if pair.kind != "apart"]
     stays: Bools = np.ones(len(F), dtype=bool)
     V = V.copy() if doubled else V

@@ -35,21 +35,25 @@ from dsfab.surface.topology import (
 CRUMB = 0.01  # The repair removes loose pieces smaller than this fraction of the mesh's area.
 PINHOLE = 1e-3  # The repair closes holes with outlines shorter than this times the mesh's largest dimension.
 _NO_AREA = "dsfab dropped {} without area"
-_DOUBT = "; this is a large part of the mesh: check that all parts are in one unit"
-_ASTRAY = f"dsfab dropped {{}} with corners over {ASTRAY_RATIO:,.0f} times as far from the mesh's middle as the rest"
+_DOUBT = "; these faces are a large part of the mesh: check that all parts have the same unit"
+_ASTRAY = (
+    f"dsfab dropped {{}} with corners over {ASTRAY_RATIO:,.0f} times as far from the middle of the mesh as all other "
+    f"faces"
+)
 
 
 @dataclass(frozen=True, eq=False)
 class MendedMesh:
-    """A mesh and its repairs.
-    V : (n, 3) vertices. F : (m, 3) triangles. repairs : a text for each repair."""
+    """A repaired mesh.
+    V : (n, 3) vertices.    F : (m, 3) triangles.    repairs : a message for each repair."""
 
     V: Floats
     F: Ints
     repairs: tuple[str, ...] = ()
 
     def with_faces(self, keep: Ints, repair: str) -> "MendedMesh":
-        """Return the mesh with only the faces `keep` (k,). repair : text, with {} for the number of dropped faces."""
+        """Return the mesh with only the faces with the numbers `keep` (k,).
+        repair : message about the removed faces; {} in it stands for their number."""
         lost = len(self.F) - len(keep)
         if not lost:
             return self
@@ -62,17 +66,20 @@ def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     """Return the mesh V (n, 3), F (m, 3), in any unit, with small faults repaired.
     metres : length of the mesh's unit in metres.
 
-    Vertices at one place are merged. Repeated faces, second copies of sheets and small pieces are removed.
-    A slab becomes its middle surface. Seams and small holes are closed."""
+    Vertices with equal positions are merged. Repeated faces, second copies of sheets and small pieces are removed.
+    A thin solid is replaced by its middle surface. Open seams and small holes are closed."""
     mesh = single_sheet(sound_faces(V, F), metres)
-    mesh = stitched_mesh(_without(mesh, _on_edges_of_two, "dsfab dropped {} on edges with two other faces (a rib?)"))
+    mesh = stitched_mesh(
+        _without(mesh, _on_edges_of_two, "dsfab dropped {} on edges that already have two faces (perhaps a rib)")
+    )
     mesh = _without(mesh, _in_large_pieces, "dsfab dropped {} in tiny loose pieces")
     mesh = _join_at_points(mesh) if len(mesh.F) else mesh
     return _compact(_without_teeth(_without_pinholes(mesh), metres) if len(mesh.F) else mesh)
 
 
 def sound_faces(V: Floats, F: Ints) -> MendedMesh:
-    """Return the mesh V (n, 3), F (m, 3) without unusable faces, with vertices at one place merged."""
+    """Return the mesh V (n, 3), F (m, 3) without unusable faces. Vertices with equal positions are merged.
+    Unusable faces have no area, lie on other faces, or have corners that are not finite or far away."""
     finite = np.flatnonzero(np.asarray(np.isfinite(V).all(axis=1))[F].all(axis=1))
     mesh = MendedMesh(V, F).with_faces(finite, "dsfab dropped {} with corners that are not numbers")
     mesh = mesh.with_faces(np.flatnonzero(in_reach(V)[mesh.F].all(axis=1)), _ASTRAY)
@@ -85,7 +92,7 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
 
 
 def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
-    """Return the mesh with one copy of each sheet. metres : length of its unit in metres."""
+    """Return the mesh with a single copy of each sheet. metres : length of the mesh's unit in metres."""
     V, F, texts = single_sheets(mesh.V, mesh.F, metres)
     return _compact(MendedMesh(V, F, (*mesh.repairs, *texts))) if texts else mesh
 
@@ -104,18 +111,21 @@ def _weld(mesh: MendedMesh) -> MendedMesh:
     fewer = len(mesh.V) - len(V)
     if not fewer:
         return mesh
-    words = f"{count_phrase(fewer, 'vertex')} merged with near vertices, within {WELD:g} times the mesh's largest side"
+    words = (
+        f"{count_phrase(fewer, 'vertex')} merged with neighbouring vertices, within {WELD:g} times the largest side "
+        f"of the mesh"
+    )
     return MendedMesh(V, became[mesh.F], (*mesh.repairs, words))
 
 
 def stitched_mesh(mesh: MendedMesh) -> MendedMesh:
-    """Return the mesh with closed seams."""
+    """Return the mesh with open seams between its patches closed."""
     if not len(mesh.F):
         return mesh
     F, joined = stitched_faces(mesh.V, mesh.F, WELD * float(np.ptp(mesh.V, axis=0).max()))
     if not joined:
         return mesh
-    words = f"{count_phrase(joined, 'vertex')} on open seams joined to the edges across the seam"
+    words = f"{count_phrase(joined, 'vertex')} on open seams joined to the edges on the other side of the seam"
     return replace(mesh, F=F, repairs=(*mesh.repairs, words))
 
 
@@ -177,18 +187,18 @@ def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
 HOLE = 0.15  # Holes of a scan are filled if their outline is shorter than this times the scan's largest dimension.
 SPECK = 0.05  # Pieces of a scan are removed if their area is below this times the largest piece's area.
 FINE, SEVERAL = 0.01, 3
-"""A mesh is a scan if two things hold. Its mean edge is below `FINE` times its largest dimension. It has at least
-`SEVERAL` small holes, or at least `SEVERAL` edges with more than two faces."""
+"""A mesh is a raw scan under two conditions. Its mean edge is at most FINE times its largest dimension.
+It has at least SEVERAL small holes, or at least SEVERAL edges with more than two faces."""
 NOISY, FOLDED = 0.02, 1e-3
-"""A mesh is a noisy scan if two things hold. Its mean edge is below `NOISY` times its largest dimension. The share of
-folded faces (turned against their neighbours) is above `FOLDED`: up to 0.0002 in designs, 0.003 in a noisy mesh."""
+"""A mesh is a noisy scan under two conditions. Its mean edge is at most NOISY times its largest dimension.
+The fraction of faces turned against their neighbours is above FOLDED: it is 0.0002 in designs, 0.003 in noisy scans."""
 TILTED, LOW = 0.7, 0.5
-"""A face is tilted by noise if the cosine between its normal and its neighbours' mean normal is below `TILTED`. It must
-also be lower than `LOW` times the mesh's mean edge. Higher faces may be tilted by a real bend."""
+"""A face is tilted by noise under two conditions. The cosine between its normal and its neighbours' mean normal is
+below TILTED. Its height is below LOW times the mesh's mean edge; higher faces may belong to a real bend."""
 
 
 def is_scan(V: Floats, F: Ints) -> bool:
-    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan."""
+    """Return True if a mesh V (n, 3), F (m, 3) looks like a raw 3D scan."""
     F = F[in_reach(V)[F].all(axis=1)]
     if not len(F):
         return False
@@ -207,7 +217,7 @@ def is_scan(V: Floats, F: Ints) -> bool:
 
 
 def repaired_scan(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
-    """Return the mesh V (n, 3), F (m, 3) of a scan, in any unit, as a clean sheet.
+    """Return the mesh V (n, 3), F (m, 3) of a 3D scan, in any unit, as a clean sheet.
     metres : length of the mesh's unit in metres.
 
     Small pieces are removed, small holes are filled, and folds from noise are flattened."""
@@ -315,12 +325,12 @@ def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
             break
     used, F = np.unique(F, return_inverse=True)
     lost = count_phrase(len(V) - len(used), "short edge")
-    what = f"{lost} collapsed, which flattens {count_phrase(count, 'face')} that noise had folded or tilted"
+    what = f"{lost} collapsed; this flattens {count_phrase(count, 'face')} that noise in the mesh had folded or tilted"
     return MendedMesh(V[used], F.reshape(-1, 3), (*mesh.repairs, what))
 
 
 def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
-    """Collapse short edges of `crumpled` faces (m,). Return vertices, and new numbers (n,) of the vertices."""
+    """Collapse short edges of `crumpled` faces (m,). Return vertices, and their new numbers (n,) after the collapse."""
     edges, n = edge_table(F), len(V)
     rim, face_edges = on_boundary(edges, n), edges.of[crumpled]
     length = np.full(len(edges.ends), np.inf)

@@ -1,4 +1,4 @@
-"""Repair of a mesh's seams: merging of vertices at one place, and stitching of patches."""
+"""Repair of a mesh's seams: merging of vertices with equal positions, and joining of patches along open seams."""
 
 from collections.abc import Callable
 
@@ -24,7 +24,7 @@ ASTRAY_RATIO = 1000.0  # A vertex is astray if its distance from the median is a
 
 
 def in_reach(V: Floats) -> Bools:
-    """Mark the vertices (n,) of V (n, 3) that are finite and not extremely far away."""
+    """Return a mask (n,) of the vertices V (n, 3) that are finite and not extremely far from most vertices."""
     is_near: Bools = np.asarray(np.isfinite(V).all(axis=1))
     if not is_near.any():
         return is_near
@@ -38,9 +38,9 @@ def in_reach(V: Floats) -> Bools:
 def merged_vertices(
     V: Floats, within: float = 1e-9, apart: Callable[[Ints], Bools] | None = None
 ) -> tuple[Floats, Ints]:
-    """Merge vertices V (n, 3) at one place. Return the remaining vertices, and the new number (n,) of each vertex.
+    """Merge near vertices of V (n, 3). Return the remaining vertices, and the new number (n,) of each vertex.
     within : largest distance between merged vertices, divided by the mesh's largest dimension.
-    apart  : function that takes pairs of vertices (p, 2) and marks the pairs (p,) that must stay separate."""
+    apart  : function that takes pairs of vertices (p, 2), and returns a mask (p,) of pairs that must not be merged."""
     alone = V, np.arange(len(V))
     if not len(V) or not np.isfinite(V).all():  # a later check reports nan and inf
         return alone
@@ -58,7 +58,8 @@ def merged_vertices(
 
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
-    """Return the vertex (n,) onto which each vertex merges."""
+    """Return the number (n,) of the vertex that replaces each vertex, with all distances at most `reach`.
+    targets : (n,) first proposal, which may have longer distances because of chains of near vertices."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
         return targets
@@ -72,24 +73,24 @@ def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints
 
 
 def equal_merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """Merge equal vertices V (n, 3); return the sorted vertices and the faces F (m, 3)."""
+    """Merge vertices V (n, 3) with equal coordinates. Return the sorted vertices, and faces F (m, 3) on them."""
     fewer, became = np.unique(V + 0.0, axis=0, return_inverse=True)
     return fewer, became.ravel()[F]
 
 
 def coincident(V: Floats) -> int:
-    """Return the number of vertices V (n, 3) at the place of an earlier vertex."""
+    """Return the number of vertices V (n, 3) that have the position of an earlier vertex."""
     return len(V) - len(merged_vertices(V)[0])
 
 
 SAG = 1 / 15
-"""Largest width of a seam between two patches, divided by the length of a boundary edge beside it.
+"""Largest width of an open seam between two patches of a mesh, divided by the length of an edge at the seam.
 The value is height / chord of an arc of 30 degrees."""
 
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
-    """Stitch open seams of faces F (m, 3). Return the faces and the number of joined vertices.
-    within : largest distance between an edge and a vertex, in V's unit."""
+    """Close open seams: divide boundary edges of faces F (m, 3) at near boundary vertices of other faces.
+    Return the faces and the number of these vertices. within : largest distance of a vertex from an edge, unit of V."""
     faces, joined = F, 0
     for _ in range(4):  # each round stitches at most one edge of a face
         half, vertex = _open_seams(V, faces, edge_table(faces), within)
@@ -101,7 +102,8 @@ def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
 
 
 def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[Ints, Ints]:
-    """Return boundary half-edges (k,), and a vertex (k,) of another face on each half-edge."""
+    """Return k boundary half-edges (k,), and for each the number (k,) of a vertex of another face that lies on it.
+    within : largest distance between the vertex and the half-edge, in the unit of V."""
     alone = np.flatnonzero(edges.boundary)
     half, ends = edges.order[edges.start[alone]], edges.ends[alone]
     edge, vertex = near_vertices(V, ends, within)
@@ -123,8 +125,8 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 
 def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
-    """Return pairs of a boundary edge (row of `ends`) and a near boundary vertex, (k,) and (k,).
-    ends   : (b, 2) vertices of each boundary edge.    within : largest distance, except at long edges."""
+    """Return k pairs of a boundary edge (row of `ends`) and a boundary vertex near this edge, as (k,) and (k,).
+    ends   : (b, 2) vertices of each boundary edge.    within : search distance; it is larger at long edges."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)
@@ -149,7 +151,8 @@ def near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
 
 
 def _few_within(tree: cKDTree, places: Floats, radius: Floats, crowd: int = 8) -> tuple[Bools, Ints, Ints]:
-    """Mark balls with more than `crowd` points. For other balls, return pairs of a ball and a point inside."""
+    """Return a mask of the balls that contain more than `crowd` points of `tree`.
+    For all other balls, return the pairs of a ball and a point in it. places, radius : centres and radii."""
     # the search omits points exactly at the upper bound
     distance, point = tree.query(places, crowd + 1, distance_upper_bound=np.nextafter(radius.max(), np.inf))
     inside = distance <= radius[:, None]
@@ -199,14 +202,14 @@ def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
 
 
 def faces_with_area(V: Floats, F: Ints) -> Ints:
-    """Return the indices (k,) of the faces of V (n, 3), F (m, 3) whose area is not tiny."""
+    """Return the indices (k,) of the faces of a mesh V (n, 3), F (m, 3) that have more than a tiny area."""
     P = V[F]
     longest = lengths(P - np.roll(P, 1, axis=1)).max(axis=1, initial=0)
     return np.flatnonzero(lengths(area_vectors(V, F)) > 1e-9 * longest**2)
 
 
 def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
-    """Join parts of V (n, 3), F (m, 3) that touch in a vertex by new faces.
+    """Add a face wherever two parts of a mesh V (n, 3), F (m, 3) touch only in a vertex. The face joins the parts.
     Return the faces and the number of new faces."""
     edges = edge_table(F)
     points = pinches(F, edges, len(V))

@@ -1,4 +1,4 @@
-"""Closed curves and layer marks in DXF and 3DM drawings."""
+"""Readers of DXF and 3DM drawings: closed curves, and layers that mark supports, loads and regions."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -38,15 +38,15 @@ from dsfab.surface.files.reading import (
 from dsfab.surface.files.separate_process import read_rhino_in_process
 
 SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "LOFTEDSURFACE", "REVOLVEDSURFACE", "SWEPTSURFACE")
-"""DXF entities that only AutoCAD can read, because their shapes are in AutoCAD's own format."""
+"""DXF entities with shapes in AutoCAD's own format. Only AutoCAD can read them."""
 CURVES = ("LINE", "LWPOLYLINE", "POLYLINE", "CIRCLE", "ARC", "ELLIPSE", "SPLINE", "HELIX", "XLINE", "RAY")
 FLAT = ("SOLID", "TRACE", "IMAGE", "UNDERLAY", "WIPEOUT", "ACAD_PROXY_ENTITY", "OLE2FRAME")
-"""DXF entities that show areas without a mesh; dsfab tells the user that it dropped these."""
+"""DXF entities that show areas but contain no mesh. dsfab tells the user that it ignored them."""
 
 
 def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
-    """Return the curves and points of a DXF file, with the names of its layers and its unit.
-    Raises MalformedFileError, or SurfaceError above the limits of `budget`."""
+    """Return the curves and points of a DXF file, the names of its layers, and its unit.
+    Raises MalformedFileError for an invalid file, and SurfaceError for a file above the limits of `budget`."""
     document = _document(path)
     runs, dots, count = list[tuple[str, Floats, bool]](), list[tuple[str, Floats, bool]](), 0
     drawing = _Entities(document, budget, hidden_layers=True)
@@ -62,8 +62,8 @@ def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
 
 
 def read_dxf_meshes(path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
-    """Return the meshes of a DXF file. only : names of the layers and blocks to read; by default all.
-    Raises MalformedFileError, or SurfaceError without meshes or above `budget`."""
+    """Return the meshes in a DXF file. only : names of the layers and blocks to read; by default all.
+    Raises MalformedFileError for an invalid file, and SurfaceError for a file without meshes or above `budget`."""
     document = _document(path)
     V, corners, sizes, count = list[Floats](), list[Ints](), list[Ints](), 0
     drawing = _Entities(document, DrawingBudget(entities=budget.triangles, seconds=budget.seconds))
@@ -83,7 +83,7 @@ def read_dxf_meshes(path: Path, budget: Budget, only: Sequence[str] = ()) -> Tri
         shape_words = f"the file has {count_phrase(many, 'shape')} in AutoCAD's own format, such as solids, but no mesh"
         over = ignored_clause(thing.text for thing in inventory if thing.fate == "dropped" and thing.kind != "shape")
         what = shape_words if many else "the file has no mesh"
-        raise SurfaceError(f"{what}: no 3DFACE, MESH or polyface{over}; export it as a mesh, or as STEP")
+        raise SurfaceError(f"{what}: no 3DFACE, MESH or polyface{over}; export the surface as a mesh, or as STEP")
     cut_mesh = triangles(Polygons(np.concatenate(V), np.concatenate(corners), np.concatenate(sizes)))
     points, faces = equal_merged(np.concatenate(V), cut_mesh.F)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
@@ -104,7 +104,7 @@ def _document(path: Path) -> Any:
     from ezdxf import recover
 
     if b"EOF" not in path.read_bytes()[-512:]:
-        raise MalformedFileError("its last word EOF is missing: the file is not DXF, or it is cut off")
+        raise MalformedFileError("the last word EOF is missing: the file is not DXF, or the file is cut off")
     with suppress(ezdxf.DXFError, OSError, ValueError, LookupError, TypeError, AttributeError):
         return ezdxf.readfile(path)
     try:
@@ -142,7 +142,7 @@ def _polygons(entity: Any) -> Iterator[Polygons]:
 
 
 class _Entities:
-    """Iterator over the visible entities of a drawing."""
+    """The entities of a DXF drawing that are visible, including entities in blocks."""
 
     def __init__(self, document: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
         self.budget, self.count, self.counts = budget, 0, Counter[Content]()
@@ -186,7 +186,7 @@ class _Entities:
             words = f"{insert.dxf.name!r}, whose content is elsewhere"
             self.counts[Content("external reference", "dropped", words)] += 1
             return
-        turned = insert.matrix44().determinant() < 0  # the matrix includes enclosing blocks
+        turned = insert.matrix44().determinant() < 0  # includes mirrors of enclosing blocks
         self.counts[Content("block insertion" if turned == mirrored else "mirrored block insertion")] += insert.mcount
         for copy in insert.multi_insert() if insert.mcount > 1 else (insert,):
             yield from self.leaves(copy.virtual_entities(), names, turned, hidden)
@@ -233,24 +233,24 @@ SAME_PLACE = 1e-6  # Two ends of curves meet if they are closer than this fracti
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """Content of a layer: its name as in the file, points (k, 3) and curves (k, 3), metres."""
+    """Content of a layer in a drawing: its name, points (k, 3), and curves as polylines (k, 3), in metres."""
 
     layer: str
     points: Floats
     curves: tuple[Floats, ...]
 
     def about(self, origin: Sequence[float]) -> "Marks":
-        """Return points and curves relative to the point `origin`, metres."""
+        """Return the points and curves relative to the point `origin`, metres."""
         return Marks(self.layer, self.points - origin, tuple(run - origin for run in self.curves))
 
     @property
     def closed_runs(self) -> list[Floats]:
-        """Curves that end at their first point."""
+        """Closed curves of the layer, whose first and last points coincide."""
         return [run for run in self.curves if _ends_meet(run)]
 
     @property
     def open_runs(self) -> list[Floats]:
-        """Curves with two separate ends."""
+        """Open curves of the layer."""
         return [run for run in self.curves if not _ends_meet(run)]
 
 
@@ -260,8 +260,8 @@ def _ends_meet(run: Floats) -> bool:
 
 
 def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floats, ...]:
-    """Return the closed curves (k, 3) of a drawing, metres, on one layer or on all layers. Raises SurfaceError.
-    unit : unit of the file's numbers; by default the unit that the file declares."""
+    """Return the closed curves (k, 3) in a drawing, metres. layer : name of the layer; None for all layers.
+    unit : unit of the file's numbers; by default the unit that the file declares. Raises SurfaceError if this fails."""
     path = Path(path)
     if path.suffix.lower() not in (".dxf", ".3dm"):
         raise SurfaceError(f"{path} is not a drawing that dsfab reads; give a .dxf or a .3dm file")
@@ -273,7 +273,7 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
 
 def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
-    """Return the visible points and curves of a drawing, by layer; empty layers are left out. Raises SurfaceError.
+    """Return the visible points and curves on layers of a drawing, by layer, without empty layers. Raises SurfaceError.
     words  : names of the layers, in lower case.    metres : length of the file's unit in metres."""
     path = Path(path)
     drawing = _drawing(path, path.stat().st_size, DrawingBudget())
@@ -320,8 +320,8 @@ def _drawing(path: Path, size: int, budget: DrawingBudget) -> Drawing:
 
 
 def closed_loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Floats]:
-    """Join curves (k, 3) with common ends. Yield closed curves; the first point is not repeated at the end.
-    Raises SurfaceError for open curves. where : text for the message."""
+    """Join curves (k, 3) at common ends to closed curves, and yield these. The first point is not repeated at the end.
+    where : name of the drawing for error messages. Raises SurfaceError for a curve that stays open."""
     corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
     tolerance = SAME_PLACE * float(np.linalg.norm(np.ptp(corners, axis=0)))
     ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # points 2 k, 2 k + 1 are the ends of runs[k]
@@ -344,6 +344,6 @@ def _open_curve_message(run: Floats, where: str) -> str:
     ends = " and ".join(f"({', '.join(f'{x:.6g}' for x in end)})" for end in (run[0], run[-1]))
     gap = float(np.linalg.norm(run[0] - run[-1]))
     return (
-        f"{where} has a curve that is open: its ends at {ends} are {gap:.3g} apart, in the file's unit; close the "
-        "curve, or name the layer of the closed curves"
+        f"{where} has an open curve, whose ends at {ends} are {gap:.3g} apart, in the file's unit; close the curve, "
+        f"or name the layer of the closed curves"
     )

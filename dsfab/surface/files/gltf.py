@@ -36,8 +36,8 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 @dataclass(frozen=True)
 class Buffers:
-    """Data buffers of a glTF file.    tree : the file's JSON.    binary : buffer inside the file.
-    beside : function that returns the bytes of another file by name."""
+    """Data buffers of a glTF file.    tree : the file's JSON.    binary : buffer inside the file, or None.
+    beside : function that returns the bytes of another file, given its name, or None."""
 
     tree: dict[str, Any]
     binary: bytes | None
@@ -46,12 +46,14 @@ class Buffers:
     known: dict[int, bytes] = field(default_factory=dict)
 
     def view(self, number: int) -> tuple[bytes, int]:
-        """Return the bytes of a buffer view, and the step in bytes between elements. Raises MalformedFileError."""
+        """Return the bytes of a buffer view and its stride (bytes). Raises MalformedFileError if bytes are missing."""
         view = self.tree["bufferViews"][number]
         start, length = _count(view.get("byteOffset", 0)), _count(view["byteLength"])
         data = self._buffer(_count(view["buffer"]))
         if start + length > len(data):
-            raise MalformedFileError(f"a buffer needs {start + length:,} bytes and has {len(data):,}: it is cut off")
+            raise MalformedFileError(
+                f"a buffer needs {start + length:,} bytes but has only {len(data):,}: the file is cut off"
+            )
         return data[start : start + length], _count(view.get("byteStride", 0))
 
     def _buffer(self, number: int) -> bytes:
@@ -78,7 +80,7 @@ class Buffers:
 
 
 def accessor(tree: dict[str, Any], buffers: Buffers, number: Any, width: int) -> NDArray[Any]:
-    """Return the numbers (count, width) of an accessor, glTF's table of numbers. Raises MalformedFileError."""
+    """Return the values (count, width) of the glTF accessor `number`. Raises MalformedFileError if it is invalid."""
     entry = tree["accessors"][_count(number)]
     count, kind = _count(entry["count"]), _TYPES.get(entry["componentType"])
     if kind is None or _WIDTHS.get(entry["type"]) != width:
@@ -100,7 +102,9 @@ def _elements(buffers: Buffers, entry: dict[str, Any], kind: str, count: int, wi
     start, element_size = _count(entry.get("byteOffset", 0)), np.dtype(kind).itemsize * width
     stride = stride or element_size
     if stride < element_size or (count and start + stride * (count - 1) + element_size > len(data)):
-        raise MalformedFileError(f"{count:,} elements are announced, but their bytes are missing: the file is cut off")
+        raise MalformedFileError(
+            f"the file announces {count:,} elements, but the bytes of these elements are missing: the file is cut off"
+        )
     if not count:
         return np.zeros((0, width), dtype=kind)
     return np.ndarray((count, width), kind, data, start, (stride, np.dtype(kind).itemsize)).copy()
@@ -110,10 +114,10 @@ def _with_sparse(buffers: Buffers, sparse: dict[str, Any], values: NDArray[Any])
     count, indices = _count(sparse["count"]), sparse["indices"]
     kind = _TYPES.get(indices["componentType"])
     if kind is None or count > len(values):
-        raise MalformedFileError("a sparse table replaces more elements than there are")
+        raise MalformedFileError("a sparse table of the file replaces more elements than exist")
     positions = _elements(buffers, indices, kind, count, 1).ravel().astype(np.int64)
     if count and not 0 <= positions.min() <= positions.max() < len(values):
-        raise MalformedFileError("a sparse table replaces elements that do not exist")
+        raise MalformedFileError("a sparse table of the file replaces elements that do not exist")
     values[positions] = _elements(buffers, sparse["values"], values.dtype.str, count, values.shape[1])
     return values
 
@@ -129,23 +133,25 @@ _HARMLESS = (
     *("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "KHR_mesh_quantization", "KHR_xmp"),
     *("KHR_technique", "EXT_mesh_gpu_instancing", "KHR_node_visibility"),
 )
-"""Prefixes of extensions that do not change the shapes of meshes, and names of extensions that dsfab reads."""
+"""Beginnings of the names of glTF extensions that do not change the shapes of meshes, or that dsfab can read."""
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
 def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes], only: Sequence[str] = ()) -> TriangleFile:
-    """Return the triangles of the scene in a binary glTF file, metres with z up.
+    """Return the triangles of the scene in a binary glTF file, in metres with z up.
     only : names of the nodes and meshes to read; by default all.
-    Raises MalformedFileError, or SurfaceError above the limits of `budget`."""
+    Raises MalformedFileError for an invalid file, and SurfaceError for a file above the limits of `budget`."""
     if data[:4] != b"glTF":
-        raise MalformedFileError("there is no glTF header")
+        raise MalformedFileError("the file has no glTF header")
     if len(data) < 20:
         raise MalformedFileError("the file is cut off within its header")
     version, announced = struct.unpack_from("<II", data, 4)
     if version != 2:
         raise MalformedFileError(f"the file has version {version} of glTF, but dsfab reads version 2")
     if announced > len(data):
-        raise MalformedFileError(f"the file announces {announced:,} bytes and has {len(data):,}: it is cut off")
+        raise MalformedFileError(
+            f"the file announces {announced:,} bytes but has only {len(data):,}: the file is cut off"
+        )
     chunks: dict[int, bytes] = {}
     position = 12
     while position + 8 <= announced:
@@ -165,10 +171,10 @@ def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes], only:
 def read_gltf(
     data: bytes, budget: Budget, read_neighbour: Callable[[str], bytes], only: Sequence[str] = ()
 ) -> TriangleFile:
-    """Return the triangles of the scene in a glTF file (JSON), metres with z up.
-    read_neighbour : function that returns the bytes of a file in the same folder.
+    """Return the triangles of the scene in a glTF file (JSON), in metres with z up.
+    read_neighbour : function that returns the bytes of a file in the same folder, given its name.
     only           : names of the nodes and meshes to read; by default all.
-    Raises MalformedFileError, or SurfaceError above the limits of `budget`."""
+    Raises MalformedFileError for an invalid file, and SurfaceError for a file above the limits of `budget`."""
     if data[:4] == b"glTF":
         return read_glb(data, budget, read_neighbour, only)
     file = text_file(data)
@@ -191,7 +197,7 @@ def _json_tree(data: bytes) -> dict[str, Any]:
     unknown = [str(name) for name in tree.get("extensionsRequired", []) if not str(name).startswith(_HARMLESS)]
     if unknown:
         remedy = "compression" if all("compression" in name for name in unknown) else "this extension"
-        raise MalformedFileError(f"the file needs the extension {', '.join(unknown)}: export it without {remedy}")
+        raise MalformedFileError(f"the file needs the extension {', '.join(unknown)}: export the file without {remedy}")
     return tree
 
 
@@ -207,7 +213,7 @@ def _scene(
         raise MalformedFileError("an entry of the file's JSON is missing or of the wrong kind") from None
     V = upright_vertices(V, "y")
     V, F = equal_merged(V, F) if len(F) else (V, F)  # equal_merged also sorts the vertices, so rotate first
-    doubts = doubts if tree.get("scenes") else (*doubts, "the file names no scene: all its objects are taken")
+    doubts = doubts if tree.get("scenes") else (*doubts, "the file names no scene, so dsfab reads all objects")
     return TriangleFile(V, F, "m", doubts, dropped, contents(scene.counts))
 
 
@@ -253,7 +259,9 @@ class _Scene:
         while waiting:
             number, above, outer_names, shown = waiting.pop()
             if number in seen or len(outer_names) >= 200:  # most programs nest at most 100 levels of nodes
-                raise MalformedFileError("the file's nodes are not a tree: a node has two parents, or contains itself")
+                raise MalformedFileError(
+                    "the nodes of the file do not form a tree: a node has two parents, or contains itself"
+                )
             seen.add(number)
             node = nodes[number]
             shown = shown and node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible", True)
@@ -280,7 +288,7 @@ class _Scene:
 
     def _primitive(self, primitive: dict[str, Any], mode: int) -> tuple[Floats, Ints]:
         if "KHR_draco_mesh_compression" in primitive.get("extensions", {}):
-            raise MalformedFileError("the file uses KHR_draco_mesh_compression: export it without compression")
+            raise MalformedFileError("the file uses KHR_draco_mesh_compression: export the file without compression")
         if "targets" in primitive:
             self.counts[Content("morph target", "dropped")] += len(primitive["targets"])
         V = accessor(self.tree, self.buffers, primitive["attributes"]["POSITION"], 3).astype(np.float64)

@@ -22,7 +22,7 @@ from dsfab.surface.files.reading import (
 )
 
 NO_BODIES = ("Annotation", "Axis", "Box", "Clearance", "CoG", "FootPrint", "Lighting", "Profile", "Reference")
-"""Representations that are not the shape of an element [IFC 4.3, IfcShapeRepresentation]."""
+"""IFC representations that do not describe the shape of a building element [IFC 4.3, IfcShapeRepresentation]."""
 LEVELS = 50  # Largest number of assemblies, storeys and buildings around an element; only damaged files have more.
 
 
@@ -37,11 +37,15 @@ def read_ifc(path: Path, only: Sequence[str] = ()) -> TriangleFile:
         file.seek(max(0, path.stat().st_size - 512))
         end = file.read()
     if b"END-ISO-10303-21" not in end:  # ifcopenshell reads incomplete files without a warning
-        raise MalformedFileError("its last line END-ISO-10303-21 is missing: the file is not IFC, or it is cut off")
+        raise MalformedFileError(
+            "the last line END-ISO-10303-21 is missing: the file is not IFC, or the file is cut off"
+        )
     try:
         model = ifcopenshell.open(str(path))
     except Exception:  # ifcopenshell does not document its errors
-        raise MalformedFileError("the file is damaged or of a version of IFC that ifcopenshell does not know") from None
+        raise MalformedFileError(
+            "the file is damaged, or has a version of IFC that ifcopenshell does not know"
+        ) from None
     counts, parts = Counter[Content](), list[tuple[Floats, Ints]]()
     elements = {element.id(): element for element in selected_parts(_visible_elements(model, counts), only, counts)}
     settings = geom.settings()
@@ -62,12 +66,12 @@ def read_ifc(path: Path, only: Sequence[str] = ()) -> TriangleFile:
     inventory = contents(counts)
     if not parts:
         over = ignored_clause(thing.text for thing in inventory)
-        raise SurfaceError(f"the file has no element with faces{over}; export the elements with their shapes")
+        raise SurfaceError(f"the file has no element with faces{over}; export the elements together with their shapes")
     return TriangleFile(*concatenated_mesh(parts), _unit(model), content=inventory)
 
 
 def _visible_elements(model: Any, counts: Counter[Content]) -> Iterator[tuple[list[str], Any]]:
-    """Yield names and IFC entity of each visible element; count other elements in `counts`."""
+    """Yield the names and the IFC entity of each visible building element. `counts` counts all elements left out."""
     from ifcopenshell.util.element import get_layers, get_parent
 
     for product in model.by_type("IfcProduct"):

@@ -35,7 +35,7 @@ OVERFLOW = float(np.finfo(np.float64).max) ** 0.25  # Squares of areas overflow 
 
 
 def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
-    """Merge vertices at the same place that only the file's format separates. Return the file, and texts for users."""
+    """Merge vertices with equal positions if only the file's format separates them. Return the file, and messages."""
     mesh = file.mesh
     corners, V = mesh.corners, mesh.V
     if not len(corners) or corners.min() < 0 or corners.max() >= len(V):
@@ -53,7 +53,7 @@ def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...
     gone = len(distinct(corners)) - len(distinct(welded))
     if crowded or not gone or not (soup or not _free_edges(mesh, welded).any()):
         return file, ()
-    words = f"{count_phrase(gone, 'vertex')} joined with vertices at exactly the same place"
+    words = f"{count_phrase(gone, 'vertex')} merged with other vertices at exactly the same place"
     return replace(file, mesh=replace(mesh, corners=fewer[welded])), (words,)
 
 
@@ -90,9 +90,9 @@ def _free_edges(mesh: Polygons, corners: Ints) -> Bools:
 @dataclass(frozen=True, eq=False)
 class RawMesh:
     """The mesh in a file: vertices V (n, 3) in the file's unit, and triangles F (m, 3).
-    polygons : number of faces in the file, before dsfab cut them into triangles.
+    polygons : number of faces in the file, before they were cut into triangles.
     unit     : unit that the file declares, or None.
-    up       : usual up axis of the program that wrote the file, "y" or "z", or None."""
+    up       : vertical axis, "y" or "z", that is usual in the program that wrote the file; None if unknown."""
 
     V: Floats
     F: Ints
@@ -103,7 +103,7 @@ class RawMesh:
 
     @property
     def metres(self) -> float:
-        """Length of the file's unit in metres, by default 1."""
+        """Length of the file's unit in metres; 1 if the file declares no unit."""
         return METRES_PER[self.unit] if self.unit else 1.0
 
 
@@ -111,14 +111,14 @@ CAD_SUFFIXES = (
     *(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t", ".ifczip", ".ifcxml"),
     *(".fbx", ".dae", ".blend", ".rvt", ".gh"),
 )
-"""Suffixes of files of CAD programs that dsfab does not read."""
+"""File suffixes of CAD programs that dsfab does not read."""
 
 
 def raw_mesh(
     path: str | Path, most_triangles: int = DEFAULT_TRIANGLES, unit: str | None = None, only: Sequence[str] = ()
 ) -> RawMesh:
     """Read a mesh file in OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP, BREP or IFC format.
-    The y axis of glTF files becomes z.
+    glTF files, which have y up, are turned so that z is up.
 
     unit : unit of the coordinates if the file declares no known unit.
     only : names of the parts to read; by default all parts.
@@ -127,7 +127,7 @@ def raw_mesh(
     path = Path(path)
     suffix = _suffix(path)
     budget = Budget(most_triangles)
-    with readable(path, "make the mesh coarser", "the file is damaged, or of a kind that dsfab does not know"):
+    with readable(path, "make the mesh coarser", "the file is damaged, or its kind is unknown to dsfab"):
         budget.require_bytes(path.stat().st_size)
         if only and suffix in _WITHOUT_NAMES:
             raise SurfaceError(f"{suffix[1:].upper()} files have no names of parts; leave out {ONLY_OPTION}")
@@ -177,7 +177,7 @@ def _from_polygons(file: PolygonFile, suffix: str, budget: Budget) -> RawMesh:
     if crossing:
         face_list = ", ".join(str(k) for k in faces[cut.fanned[:3]].tolist())
         what = f"{count_phrase(crossing, 'face')} that cross themselves"
-        repaired = (*repaired, f"{what} divided into fans of triangles (first, counted from 0: {face_list})")
+        repaired = (*repaired, f"{what} divided into fans of triangles (first faces, counted from 0: {face_list})")
     face_count = count_phrase(len(file.mesh.sizes), "face")
     record = _record(suffix, replace(file, content=content), len(file.mesh.V), face_count).also(repaired)
     return RawMesh(joined_file.mesh.V, cut.F, len(file.mesh.sizes), file.unit, record, file.up)
@@ -192,9 +192,13 @@ def _record(suffix: str, file: PolygonFile | TriangleFile, vertices: int, faces:
 def _neighbour_file(path: Path, name: str, budget: Budget) -> bytes:
     neighbour = path.parent / name
     if Path(name).is_absolute() or ".." in Path(name).parts:
-        raise MalformedFileError(f"the coordinates are in {name[:60]!r}, outside the file's folder: export one file")
+        raise MalformedFileError(
+            f"the coordinates are in {name[:60]!r}, outside the folder of the file: export everything as one file"
+        )
     if not neighbour.is_file():
-        raise SurfaceError(f"the coordinates are in {name[:60]!r}, which is missing; add that file, or export a .glb")
+        raise SurfaceError(
+            f"the coordinates are in the file {name[:60]!r}, which is missing; add that file, or export a .glb file"
+        )
     budget.require_bytes(neighbour.stat().st_size)
     return neighbour.read_bytes()
 
@@ -209,12 +213,14 @@ def _checked_mesh(path: Path, raw: RawMesh) -> RawMesh:
     if len(bad):
         raise SurfaceError(
             f"{path}: {count_phrase(len(bad), 'face')} {'name' if len(bad) > 1 else 'names'} vertices outside the "
-            f"file's {n} vertices (first triangles: {first_few(bad)}){over}; export it again"
+            f"file's {n} vertices (first triangles: {first_few(bad)}){over}; export the file again"
         )
     used, F = np.unique(raw.F, return_inverse=True)
     largest = float(np.abs(raw.V[used][in_reach(raw.V[used])]).max(initial=0.0))
     if largest > OVERFLOW:
-        raise SurfaceError(f"{path} has coordinates up to {largest:.3g}, too large in any unit; export it again")
+        raise SurfaceError(
+            f"{path} has coordinates up to {largest:.3g}, which are too large in any unit; export the file again"
+        )
     steps = number_steps(raw.V, raw.F, raw.unit)[1]
     record = replace(raw.record, read=(*raw.record.read, steps)) if steps else raw.record
     has_unselected = any(thing.kind == UNSELECTED for thing in record.content)  # unselected parts leave unused vertices
@@ -232,14 +238,14 @@ def _suffix(path: Path) -> str:
         matches = difflib.get_close_matches(suffix, MESH_SUFFIXES, n=1, cutoff=0.5)
         hint = f"did you mean {matches[0]}? " if matches and suffix not in CAD_SUFFIXES else ""
         if suffix in CAD_SUFFIXES:
-            hint = "export the surface as a mesh from the program that made it, best as OBJ; "
+            hint = "export the surface as a mesh from your CAD program, preferably as OBJ; "
         raise SurfaceError(f"{path} has the suffix {suffix!r}, which dsfab does not read; {hint}use one of {suffixes}")
     if not path.exists():
         names = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
         matches = difflib.get_close_matches(path.name, names, n=1)
         raise SurfaceError(f"{path} does not exist; {f'did you mean {matches[0]}?' if matches else 'check the path'}")
     if not path.stat().st_size:
-        raise SurfaceError(f"{path} is empty; export it again")
+        raise SurfaceError(f"{path} is empty; export the file again")
     return suffix
 
 

@@ -25,12 +25,12 @@ from dsfab.surface.files.reading import (
 )
 
 _IGNORED_SHAPES = {"l": "line", "p": "point", "curv": "curve", "curv2": "curve", "surf": "free-form surface"}
-"""First words of lines with shapes that dsfab does not read, and the names of these shapes."""
+"""First words of OBJ lines with shapes that dsfab does not read, and the names of these shapes."""
 _IGNORED_WORDS = frozenset(
     "vt vn vp s mg usemtl mtllib usemap maplib shadow_obj trace_obj bevel c_interp d_interp lod call csh "  # noqa: SIM905
     "cstype deg bmat step parm trim hole scrv sp end con ctech stech".split()
 )
-"""First words of lines that do not change polygons, or that belong to free-form curves and surfaces."""
+"""First words of OBJ lines that do not change polygons, or that belong to free-form curves and surfaces."""
 _NUMBERS = {3, 4, 6, 7}  # Numbers per vertex: 3 coordinates, optional weight (1) and colour (3).
 _COMMENT = re.compile(r"^([^\S\n]*#[^\n]*)\\$", re.MULTILINE)  # A comment ending with a backslash.
 _DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")  # A backslash at the end of a line, with no space beside it.
@@ -39,7 +39,7 @@ LINES_PER_CHECK = 1 << 14  # Number of lines between two checks of the counts of
 
 
 def read_obj(data: bytes, budget: Budget, only: Sequence[str] = ()) -> PolygonFile:
-    """Return the vertices and faces of an OBJ file; other shapes are only counted.
+    """Return the vertices and faces of an OBJ file, and the numbers of all other shapes in the file.
     only : names of the objects and groups to read; by default all.
     Raises MalformedFileError for a line that cannot be read, SurfaceError above the limits of `budget`."""
     file = text_file(data)
@@ -72,7 +72,7 @@ def read_obj(data: bytes, budget: Budget, only: Sequence[str] = ()) -> PolygonFi
                 if not odd and word not in _IGNORED_SHAPES:
                     odd = f"line {number}: {line.strip()[:40]!r}"
         except (ValueError, IndexError):
-            comma = ": numbers have commas where points should be" if _DECIMAL_COMMA.search(line) else ""
+            comma = ": numbers have decimal commas instead of decimal points" if _DECIMAL_COMMA.search(line) else ""
             raise MalformedFileError(f"line {number} cannot be read: {line.strip()[:60]!r}{comma}") from None
     budget.require_vertices(len(V) // 3)
     mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
@@ -89,7 +89,8 @@ def read_obj(data: bytes, budget: Budget, only: Sequence[str] = ()) -> PolygonFi
 
 
 _Group = tuple[int, tuple[str, ...], tuple[str, ...]]
-"""First face of a group of faces, the group's names, and its object's names. A line `g roof tiles` names two groups."""
+"""A group of faces in an OBJ file: number of its first face, names of the group, and names of its object.
+A group can have several names: the line `g roof tiles` gives two."""
 
 
 def _named_faces(mesh: Polygons, groups: list[_Group], only: Sequence[str], counts: Counter[Content]) -> Polygons:
@@ -103,7 +104,8 @@ def _named_faces(mesh: Polygons, groups: list[_Group], only: Sequence[str], coun
 
 
 def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
-    """Return True if a file's last face may be incomplete."""
+    """Return True if the last face in an OBJ file may be incomplete, because the file is cut off.
+    face : words of its corners.    largest : largest number of corners of a face.    count : number of vertices."""
     *other_corners, last_corner = (word.split("/") for word in face or [""])
     if len(face) < max(largest, 3) or len(last_corner) < len(other_corners[0]):
         return True
@@ -116,7 +118,9 @@ def _join_lines(text: str) -> str:
     text = _COMMENT.sub(r"\1 ", text)
     if cut := _DIVIDED.search(text):
         number = text.count("\n", 0, cut.end() - 1) + 1
-        raise MalformedFileError(f"line {number} ends with a backslash that has no space before it or after it")
+        raise MalformedFileError(
+            f"line {number} ends with a backslash, but the words before and after this backslash run together"
+        )
     return text.replace("\\\n", " ")
 
 
@@ -125,7 +129,7 @@ def _add_vertex(V: "array[float]", words: list[str], line: str) -> None:
         raise ValueError
     V.extend(map(float, words[1:4]))
     if len(words) > 4:
-        list(map(float, words[4:]))  # float fails at the word v of a second vertex
+        list(map(float, words[4:]))  # a second vertex in a line raises ValueError
 
 
 def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], count: int) -> None:
@@ -174,7 +178,7 @@ def read_off(data: bytes, budget: Budget) -> PolygonFile:
 def _sizes(lines: Iterator[tuple[int, list[str]]]) -> tuple[int, int]:
     _, words = next(lines, (0, [""]))
     if words[0].upper() not in KINDS:
-        raise MalformedFileError("the first word is not OFF, or its points do not have three coordinates")
+        raise MalformedFileError("the first word of the file is not OFF, or the points do not have three coordinates")
     rest = words[1:] or next(lines, (0, []))[1]
     if [word.upper() for word in rest[:1]] == ["BINARY"]:
         raise MalformedFileError("the file is binary, but dsfab reads only the text form of OFF")
@@ -183,5 +187,5 @@ def _sizes(lines: Iterator[tuple[int, list[str]]]) -> tuple[int, int]:
         if n < 0 or m < 0:
             raise ValueError
     except (ValueError, IndexError):
-        raise MalformedFileError("the numbers of vertices and faces are missing") from None
+        raise MalformedFileError("the numbers of vertices and faces are missing in the file") from None
     return n, m

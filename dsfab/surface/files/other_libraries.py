@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 
 def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
-    """Return a surface from vertices V (n, 3), in `unit`, and polygons F: (m, 3), (m, 4), or lists of any length.
-    Polygons are cut into triangles. Vertices keep their numbers.
+    """Return a surface with the vertices V (n, 3), in `unit`, and the polygons F: (m, 3), (m, 4), or lists of corners.
+    Polygons are cut into triangles. The numbers of the vertices do not change.
     Raises SurfaceError for an unusable mesh."""
     mesh = _polygons(V, F)
     return oriented_surface(mesh.V * metres_per(unit), triangles(mesh).F)
@@ -46,14 +46,14 @@ def _polygons(V: Any, F: Iterable[Any]) -> Polygons:
     except (TypeError, ValueError) as error:
         raise SurfaceError(f"the mesh needs vertices (n, 3), and faces as lists of indices: {error}") from None
     if faces and not (mesh.corners.min() >= 0 and mesh.corners.max() < len(mesh.V) and mesh.sizes.min() >= 3):
-        raise SurfaceError(f"each face needs three or more vertices out of 0..{len(mesh.V) - 1}; repair the mesh")
+        raise SurfaceError(f"each face needs three or more vertex numbers from 0 to {len(mesh.V) - 1}; repair the mesh")
     return mesh
 
 
 def surface_of(mesh: Any, unit: str | None = None) -> Surface:
     """Convert a mesh of trimesh, pyvista, compas or meshio, or any object with vertices and faces, to a surface.
-    unit : unit of the coordinates; by default the unit of a trimesh mesh, else metres.
-    Vertices at the same place become one vertex.
+    unit : unit of the coordinates; by default the unit of a trimesh mesh, or metres.
+    Vertices with equal positions are merged.
     Raises SurfaceError for an unusable mesh."""
     if isinstance(mesh, Surface):
         return mesh
@@ -70,7 +70,9 @@ def surface_of(mesh: Any, unit: str | None = None) -> Surface:
         return _merged_surface(mesh.points, cells, unit)
     if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
         return _merged_surface(mesh.vertices, mesh.faces, unit)
-    raise SurfaceError(f"a {type(mesh).__name__} is not a mesh; give a mesh with vertices and faces, or call from_mesh")
+    raise SurfaceError(
+        f"an object of type {type(mesh).__name__} is not a mesh; give a mesh with vertices and faces, or call from_mesh"
+    )
 
 
 def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
@@ -83,7 +85,9 @@ def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
             mesh: Any = trimesh.load(path, file_type="stl", force="mesh", process=False)
         return equal_merged(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64))
     except Exception:  # trimesh raises many types of errors for a bad file
-        raise SurfaceError(f"{path}: trimesh cannot read this file, though dsfab can; export it again") from None
+        raise SurfaceError(
+            f"{path}: trimesh cannot read this file, although dsfab can read it; export the file again"
+        ) from None
 
 
 def threemf_by_lib3mf(path: Path) -> tuple[Floats, Ints]:
@@ -100,12 +104,14 @@ def threemf_by_lib3mf(path: Path) -> tuple[Floats, Ints]:
             F = np.frombuffer(b"".join(mesh.GetTriangleIndices()), dtype="<u4").reshape(-1, 3).astype(np.int64)
             parts.append((V, F))
     except lib3mf.ELib3MFException:
-        raise SurfaceError(f"{path}: lib3mf cannot read this file, though dsfab can; export it again") from None
+        raise SurfaceError(
+            f"{path}: lib3mf cannot read this file, although dsfab can read it; export the file again"
+        ) from None
     return concatenated_mesh(parts)
 
 
 def as_trimesh(V: Floats, F: Ints) -> "trimesh.Trimesh":
-    """Return a trimesh mesh of vertices V (n, 3), metres, and faces F (m, 3)."""
+    """Return a trimesh mesh with vertices V (n, 3), metres, and faces F (m, 3)."""
     import trimesh
 
     mesh = trimesh.Trimesh(V, F, process=False)
@@ -114,7 +120,7 @@ def as_trimesh(V: Floats, F: Ints) -> "trimesh.Trimesh":
 
 
 def as_pyvista(V: Floats, F: Ints) -> "pyvista.PolyData":
-    """Return a pyvista mesh of vertices V (n, 3), metres, and faces F (m, 3)."""
+    """Return a pyvista mesh with vertices V (n, 3), metres, and faces F (m, 3)."""
     import pyvista
 
     build: Any = pyvista.PolyData.from_regular_faces  # pyvista's annotations forbid numpy arrays
@@ -123,7 +129,7 @@ def as_pyvista(V: Floats, F: Ints) -> "pyvista.PolyData":
 
 
 def as_compas(V: Floats, F: Ints) -> "compas.datastructures.Mesh":
-    """Return a compas mesh of V (n, 3), metres, and F (m, 3). Raises SurfaceError without compas."""
+    """Return a compas mesh of vertices V (n, 3), metres, and faces F (m, 3). Raises SurfaceError without compas."""
     require_compas()
     from compas.datastructures import Mesh
 
@@ -140,7 +146,7 @@ def as_polyline(points: Floats) -> "compas.geometry.Polyline":
 
 
 def as_circle(middle: Floats, radius: float) -> "compas.geometry.Circle":
-    """Return a compas circle around a point (2,) in the plane, metres. Raises SurfaceError without compas."""
+    """Return a compas circle with the centre `middle` (2,) in the plane, metres. Raises SurfaceError without compas."""
     require_compas()
     from compas.geometry import Circle, Frame
 

@@ -32,7 +32,7 @@ _SPACE = re.compile(rb"\s")
 
 @dataclass(frozen=True)
 class PlyProperty:
-    """A property of a PLY element. length : number type of a list's length, or None."""
+    """A property of a PLY element: its name and number type. length : number type of a list's length, or None."""
 
     name: str
     type: str
@@ -41,22 +41,24 @@ class PlyProperty:
 
 @dataclass(frozen=True)
 class PlyElement:
-    """An element of a PLY file."""
+    """An element of a PLY file: a table with `count` records of the given properties."""
 
     name: str
     count: int
     properties: list[PlyProperty]
 
     def cut_off(self) -> MalformedFileError:
-        """Return an error for too few records."""
-        return MalformedFileError(f"the file ends before the last of its {self.count:,} records of {self.name!r}")
+        """Return an error which says that the file has too few records of this element."""
+        return MalformedFileError(
+            f"the file ends before the last of the {self.count:,} records of the element {self.name!r}"
+        )
 
 
 Columns = dict[str, Any]  # For each property, values (count,); for lists, all values (c,) and the lengths (count,).
 
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:
-    """Return the numbers (c,) at the beginning of a text, and True if another word follows."""
+    """Return the numbers (c,) at the beginning of a text, and True if a word that is no number follows."""
     parts, position, odd = [np.empty(0)], 0, False
     while position < len(body) and not odd:
         gap = _SPACE.search(body, position + BLOCK)
@@ -83,12 +85,13 @@ def _numbers_before_words(block: bytes) -> Floats:
 
 
 def text_element(numbers: Floats, position: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
-    """Return the properties of a text element, and the index in `numbers` (c,) after its records.
+    """Return the values of an element's properties in a text file, and the index in `numbers` after its records.
+    numbers : (c,) all numbers of the file's body.    position : index of the element's first number.
     Raises MalformedFileError for a file that ends too early."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * len(element.properties) > len(numbers) - position:
-        raise element.cut_off()  # fail before memory is taken for the records
+        raise element.cut_off()  # fail before the records take memory
     begins, counts, stop = _equal_records(numbers, position, element) or _text_walk(numbers, position, element, budget)
     columns: Columns = {}
     for i, p in enumerate(element.properties):
@@ -139,12 +142,12 @@ def _text_walk(numbers: Floats, position: int, element: PlyElement, budget: Budg
 
 
 def binary_element(body: bytes, position: int, element: PlyElement, order: str, budget: Budget) -> tuple[Columns, int]:
-    """Return the properties of a binary element, and the byte in `body` after its records.
-    order : '<' little endian, '>' big endian."""
+    """Return the values of an element's properties in a binary file, and the index of the byte after its records.
+    position : index of its first byte in `body`.    order : '<' little endian, '>' big endian."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
     if element.count * sum(np.dtype(p.length or p.type).itemsize for p in element.properties) > len(body) - position:
-        raise element.cut_off()  # checked before the reader takes memory for the records
+        raise element.cut_off()  # fail before the records take memory
     dtype, lists = _first_record(body, position, element, order)
     stop = position + dtype.itemsize * element.count
     if stop <= len(body):
@@ -232,18 +235,18 @@ _FACE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 
 
 def read_ply(data: bytes, budget: Budget) -> PolygonFile:
-    """Return vertices and faces of a PLY file.
-    Raises MalformedFileError for an invalid file, and SurfaceError for a file above `budget`."""
+    """Return the vertices and faces in a PLY file.
+    Raises MalformedFileError for an invalid file, and SurfaceError for a file above the limits of `budget`."""
     if data[:3] not in (b"ply", b"PLY"):  # a text file may have a byte order mark or be UTF-16
         file = text_file(data)
         if not file.text.startswith(("ply", "PLY")):
-            raise MalformedFileError("there is no PLY header")
+            raise MalformedFileError("the file has no PLY header")
         data, doubts = file.text.encode("utf-8"), file.doubts
     else:
         doubts = ()
     end = _END.search(data, 0, LONGEST_HEADER)
     if end is None:
-        raise MalformedFileError("there is no PLY header, or it does not end")
+        raise MalformedFileError("the file has no PLY header, or the header does not end")
     header = data[: end.start()].decode("ascii", errors="replace")
     comments = declarations_in_comments(header, ("comment", "obj_info"))
     style, elements = _header(header)
@@ -254,7 +257,7 @@ def read_ply(data: bytes, budget: Budget) -> PolygonFile:
         if e.name not in ("vertex", "face") and e.count
     )
     if style == "ascii" and not data.endswith((b"\n", b"\r")) and elements:
-        doubts = (*doubts, f"the last line has no end: the file may be cut off within the last {elements[-1].name}")
+        doubts = (*doubts, f"the last line is incomplete: the file may be cut off within the last {elements[-1].name}")
     return PolygonFile(_polygons(columns), doubts, leftovers, comments.unit, content=passed)
 
 
@@ -273,14 +276,14 @@ def _element_columns(
                 columns[element.name], position = text_element(numbers, position, element, budget)
             except MalformedFileError:
                 if odd:
-                    raise MalformedFileError(f"the element {element.name!r} has a word that is no number") from None
+                    raise MalformedFileError(f"the element {element.name!r} has a word that is not a number") from None
                 raise
         else:
             columns[element.name], position = binary_element(body, position, element, _ORDERS[style], budget)
     extra = len(numbers) - position if style == "ascii" else len(body) - position
     thing = "number" if style == "ascii" else "byte"
     leftovers = [f"{count_phrase(extra, thing)} after the last element"] if extra else []
-    leftovers += ["words after the last element that are no numbers"] if odd else []
+    leftovers += ["words that are not numbers after the last element"] if odd else []
     return columns, tuple(leftovers)
 
 
@@ -311,12 +314,12 @@ def _polygons(columns: dict[str, dict[str, Any]]) -> Polygons:
 
 def _whole(indices: NDArray[Any]) -> Ints:
     if indices.dtype.kind == "f" and not ((np.abs(indices) < 2**53) & (indices == np.floor(indices))).all():
-        raise MalformedFileError("the faces in the file have vertex numbers that are not whole")
+        raise MalformedFileError("the faces in the file have vertex numbers that are not whole numbers")
     return indices.astype(np.int64)
 
 
 def ply_chunks(V: Floats, F: Ints, unit: str) -> Iterator[bytes]:
-    """Yield a mesh V (n, 3), F (m, 3) as a binary PLY file, in pieces. unit : of V."""
+    """Yield pieces of the binary PLY file of a mesh V (n, 3), F (m, 3). unit : unit of V."""
     lines = [
         "ply",
         "format binary_little_endian 1.0",
@@ -353,12 +356,14 @@ def _header(text: str) -> tuple[str, list[PlyElement]]:
             case _:
                 raise MalformedFileError(f"line {number} of the file's header cannot be read: {line.strip()[:60]!r}")
     if style != "ascii" and style not in _ORDERS:
-        raise MalformedFileError(f"the format {style!r} is not ascii, binary_little_endian or binary_big_endian")
+        raise MalformedFileError(
+            f"the format {style!r} in the file's header is not ascii, binary_little_endian or binary_big_endian"
+        )
     _require_unique([element.name for element in elements], "element")
     for element in elements:
         _require_unique([entry.name for entry in element.properties], f"property of {element.name!r}")
         if any(entry.length in ("f4", "f8") for entry in element.properties):
-            raise MalformedFileError(f"a list of {element.name!r} has a length that is no whole number")
+            raise MalformedFileError(f"a list in the element {element.name!r} has a length that is not a whole number")
     return style, elements
 
 
@@ -374,4 +379,4 @@ def _count(word: str, line: int) -> int:
 
 def _require_unique(names: list[str], what: str) -> None:
     if twice := {name for name in names if names.count(name) > 1}:
-        raise MalformedFileError(f"the file's header has the {what} {min(twice)!r} twice")
+        raise MalformedFileError(f"the file's header lists the {what} {min(twice)!r} twice")

@@ -11,16 +11,16 @@ import pythoncdt as cdt
 from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
-"""Cosine between the normals of a quad's triangles: above `FLAT` the quad is flat, below `WARPED` it may be folded."""
+"""Limits of the cosine between the normals of a quad's two triangles: flat above FLAT, perhaps folded below WARPED."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
-"""The cut of a quad changes to the other diagonal if the edges to its flat neighbours then bend much less. The largest
-difference of unit normals there must be below `ON` (10 degrees), and below `BETTER` x its value for the first cut."""
+"""A quad is cut along its second diagonal if its edges to flat neighbours then bend much less. Unit normals at these
+edges must differ by less than ON (10 degrees), and by less than BETTER times the difference for the first diagonal."""
 
 
 def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
-    """Return the two triangles (2 q, 3) of each of the faces `quads` (q,), which have four corners.
-    V       : (n, 3) vertices.
-    corners : (c,) corners of all faces, face after face.
+    """Cut faces with four corners into triangles. Return the two triangles (2 q, 3) of each face.
+    quads   : (q,) numbers of these faces.    V : (n, 3) vertices.
+    corners : (c,) vertex numbers of the corners of all faces, face after face.
     sizes   : (f,) number of corners of each face."""
     start = np.cumsum(sizes) - sizes
     Q = corners[start[quads][:, None] + np.arange(4)]
@@ -47,7 +47,7 @@ def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
 
 
 _TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)  # Triangles of a quad, cut along 0-2 or 1-3.
-_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Triangle (in `_TRIANGLES`) at each side of a quad, cut along 0-2 or 1-3.
+_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Index in `_TRIANGLES` at each side of a quad, for cuts 0-2 and 1-3.
 
 
 def _inside(corners: Ints, n: int) -> Ints:
@@ -60,7 +60,8 @@ def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
 
 
 def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
-    """Return the unit normal (r, 4, 3) of the flat face beyond each side of r quads, or 0."""
+    """Return the unit normal (r, 4, 3) of the neighbour at each edge of r quads; 0 if there is no flat neighbour.
+    bent : (f,) mask of faces that are not flat.    starts : (r,) index of each quad's first corner in `corners`."""
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
     start = np.cumsum(sizes) - sizes
     onward = np.where(h + 1 < (start + sizes)[owner], h + 1, start[owner])
@@ -79,13 +80,13 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
 MOST_CORNERS_FOR_EARS = 12  # Most corners for ear clipping, which takes k^3 steps for k corners.
 MANY = 2000  # Largest number of corners for earcut; larger polygons get Delaunay triangles, which is faster.
 NOISE = 32 * float(np.finfo(np.float64).eps)
-"""A corner is straight if its distance from the line through its neighbours is below this x the largest coordinate."""
+"""A corner is straight if its distance from the line through its neighbours is below NOISE x the largest coordinate."""
 ORDER = cdt.VertexInsertionOrder.AUTO  # An order of insertion in which near points follow each other.
 TOGETHER = 1 << 12  # Number of polygons cut together; their data fit into the processor's cache.
 
 
 def small_polygon_triangles(P: Floats) -> Ints:
-    """Cut q polygons P (q, k, 3) into triangles (q, k - 2, 3), given as corners 0..k-1.
+    """Cut q polygons with the corners P (q, k, 3) into triangles (q, k - 2, 3), and return their corner numbers.
     The number of corners k is 5 to `MOST_CORNERS_FOR_EARS`."""
     parts = [_ear_triangles(P[start : start + TOGETHER]) for start in range(0, len(P), TOGETHER)]
     return np.concatenate(parts) if parts else np.empty((0, P.shape[1] - 2, 3), dtype=np.int64)
@@ -121,7 +122,7 @@ def _are_ears(P: Floats, normal: Floats) -> Bools:
 
 
 def large_polygon_triangles(P: Floats) -> Ints | None:
-    """Cut a polygon P (k, 3) into triangles (k - 2, 3), given as corners 0..k-1.
+    """Cut a polygon with the corners P (k, 3) into triangles (k - 2, 3), and return their corner numbers.
     Return None if the polygon has no area, or crosses itself."""
     flat, noise = _in_plane(P)
     x, y = flat.T
@@ -136,7 +137,7 @@ def large_polygon_triangles(P: Floats) -> Ints | None:
 
 
 def fan(k: int) -> Ints:
-    """Return triangles (k - 2, 3) from the first of k corners."""
+    """Return the triangles (k - 2, 3) of a fan: all have the first of k corners in common."""
     return np.array([[0, b, c] for b, c in pairwise(range(1, k))], dtype=np.int64)
 
 
@@ -156,7 +157,7 @@ def _ring_cut(flat: Floats) -> Ints:
 
 
 def earcut_triangles(flat: Floats) -> Ints:
-    """Return the counter-clockwise triangles (t, 3) of a polygon (k, 2)."""
+    """Cut a plane polygon with the corners `flat` (k, 2) into counter-clockwise triangles (t, 3)."""
     corners = mapbox_earcut.triangulate_float64(np.ascontiguousarray(flat), np.array([len(flat)], dtype=np.uint32))
     F: Ints = np.asarray(corners, dtype=np.int64).reshape(-1, 3)
     turned = _twice_areas(flat, F) < 0  # the order of the corners depends on earcut's version
@@ -164,7 +165,7 @@ def earcut_triangles(flat: Floats) -> Ints:
 
 
 def _in_plane(P: Floats) -> tuple[Floats, float]:
-    """Return points (k, 2), projected along the mean normal of P (k, 3), and the rounding error."""
+    """Project a polygon P (k, 3) along its mean normal. Return scaled points (k, 2), and their rounding error."""
     size = float(np.ptp(P, axis=0).max()) or 1.0
     noise = NOISE * max(1.0, float(np.abs(P).max()) / size)
     P = (P - P.mean(axis=0)) / size
@@ -185,7 +186,8 @@ def _twice_areas(flat: Floats, F: Ints) -> Floats:
 
 
 def _corner_turns(flat: Floats) -> tuple[Floats, Bools]:
-    """Return each corner's distance (k,) from its neighbours' line, positive on the right."""
+    """Return each corner's distance (k,) from the line through its two neighbours, positive on the right.
+    Return also a mask (k,) of corners with a turn of less than 90 degrees. flat : (k, 2) corners of a plane polygon."""
     incoming, outgoing = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
     cut = np.linalg.norm(incoming + outgoing, axis=1)
     twice = incoming[:, 0] * outgoing[:, 1] - incoming[:, 1] * outgoing[:, 0]
@@ -223,20 +225,21 @@ def _with_runs(F: Ints, runs: list[Ints]) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """Polygons on vertices V (n, 3): corners (c,), face after face, and sizes (f,), the number of corners of a face."""
+    """Polygons with vertices V (n, 3). sizes : (f,) number of corners of each polygon.
+    corners : (c,) vertex numbers of the corners of all polygons, polygon after polygon."""
 
     V: Floats
     corners: Ints
     sizes: Ints
 
     def part(self, faces: Ints) -> "Polygons":
-        """Return the polygons with only the selected faces (f,), on the same vertices."""
+        """Return only the polygons with the numbers `faces` (f,). The array of vertices stays the same."""
         owner = np.repeat(np.arange(len(self.sizes)), self.sizes)
         return Polygons(self.V, self.corners[np.isin(owner, faces)], self.sizes[faces])
 
 
 def polygons(V: list[list[float]], faces: list[list[int]]) -> Polygons:
-    """Return a polygon mesh from lists."""
+    """Return the polygons with the given vertices and lists of vertex numbers."""
     return Polygons(
         np.array(V, dtype=np.float64).reshape(-1, 3),
         np.fromiter(chain.from_iterable(faces), dtype=np.int64),
@@ -246,10 +249,10 @@ def polygons(V: list[list[float]], faces: list[list[int]]) -> Polygons:
 
 @dataclass(frozen=True, eq=False)
 class CutPolygons:
-    """Triangles of polygons.
-    F      : (m, 3) vertex indices.
-    owner  : (m,) the polygon of each triangle, ascending.
-    fanned : (p,) polygons that cross themselves."""
+    """Triangles that polygons were cut into.
+    F      : (m, 3) vertex numbers of the triangles.
+    owner  : (m,) number of the polygon of each triangle, ascending.
+    fanned : (p,) numbers of polygons that cross themselves or have no area."""
 
     F: Ints
     owner: Ints

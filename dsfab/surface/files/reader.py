@@ -36,7 +36,7 @@ from dsfab.surface.topology import (
 
 @dataclass(frozen=True, eq=False)
 class SurfaceInFile:
-    """The surface in a file, metres, and the record of reading and repairs."""
+    """The surface in a file, in metres, and messages about reading and repairs (`record`)."""
 
     surface: Surface
     record: FileRecord
@@ -53,15 +53,15 @@ def read_surface(
 ) -> Surface:
     """Return the surface in a mesh file, or in a file of a CAD program (`MESH_SUFFIXES`), in metres.
 
-    unit          : unit of the numbers in the file; by default the unit that the file declares, else metres.
-    up            : the file's axis that points to the sky; glTF files have z up after reading.
-    mend          : true to mend small faults first, such as small holes and repeated faces.
-    max_triangles : limit on triangles; the limits on bytes and time follow from this limit.
-    repair        : true to convert a raw scan to a clean sheet first.
+    unit          : unit of the numbers in the file; by default the unit that the file declares, or metres.
+    up            : vertical axis of the file's coordinates; for glTF files, z is up after reading.
+    mend          : True to repair small faults first, such as small holes and repeated faces.
+    max_triangles : largest number of triangles; it also determines the limits on bytes and time.
+    repair        : True to convert a raw 3D scan to a clean sheet first.
     only          : names of the parts to read: layers, blocks, nodes, objects, assemblies; by default all parts.
 
-    Faces are flipped so that neighbours have one orientation and closed pieces face outward. A Moebius strip keeps a
-    seam where orientations differ. The surface may have several pieces.
+    Faces are flipped so that neighbours have equal orientations and normals of closed pieces point outward. A Moebius
+    strip has edges at which orientations differ. The surface may have several pieces.
 
     Raises SurfaceError for
     - an unreadable file, and coordinates that are not finite;
@@ -80,14 +80,14 @@ def surface_in_file(
     repair: bool = False,
     only: Sequence[str] = (),
 ) -> SurfaceInFile:
-    """Return the surface in a file, and a record of reading and repairs. Parameters and errors: see `read_surface`."""
+    """Return the surface in a file, and messages about reading and repairs. For parameters, see `read_surface`."""
     raw = raw_mesh(path, max_triangles, unit, only)
     return surface_of_file(path, mended_raw_mesh(raw, repair, unit) if mend or repair else raw, unit, up)
 
 
 def mended_raw_mesh(raw: RawMesh, scan: bool = False, unit: str | None = None) -> RawMesh:
-    """Return a raw mesh without small faults, with a text for each repair. scan : true to repair a raw scan.
-    unit : unit of the vertices, for the texts; by default the unit of the file."""
+    """Repair small faults of a mesh from a file, and add a message for each repair. scan : True to repair a 3D scan.
+    unit : unit of the vertices, for messages; by default the unit of the file."""
     metres = metres_per(unit) if unit else raw.metres
     better = (repaired_scan if scan else mended_mesh)(raw.V, raw.F, metres)
     if not better.repairs:
@@ -96,7 +96,7 @@ def mended_raw_mesh(raw: RawMesh, scan: bool = False, unit: str | None = None) -
 
 
 def surface_of_file(path: str | Path, raw: RawMesh, unit: str | None = None, up: Up = "z") -> SurfaceInFile:
-    """Return the surface of a raw mesh, and a record of reading. path : name for messages. See also `read_surface`."""
+    """Return the surface of a mesh from a file, and messages about reading. For parameters, see `read_surface`."""
     if not len(raw.F):
         raise SurfaceError(f"{path}: the repair removed all faces: {'; '.join(raw.record.repaired)}; check the mesh")
     V = upright_vertices(raw.V * (metres_per(unit) if unit else raw.metres), up)
@@ -111,7 +111,7 @@ def surface_of_file(path: str | Path, raw: RawMesh, unit: str | None = None, up:
 
 
 def flip_remark(before: Ints, after: Ints) -> tuple[str, ...]:
-    """Return a text with the number of flipped faces. before, after : (m, 3) faces. Without flips, return ()."""
+    """Return a message with the number of faces (m, 3) that differ before and after orientation; () if none differs."""
     count = int((before != after).any(axis=1).sum())
     if not count:
         return ()
@@ -120,7 +120,7 @@ def flip_remark(before: Ints, after: Ints) -> tuple[str, ...]:
 
 
 def oriented_surface(V: Floats, F: Ints) -> Surface:
-    """Return the surface of V (n, 3), metres, and F (m, 3), flipped to one orientation; closed pieces face outward.
+    """Return the surface of vertices V (n, 3), metres, and faces F (m, 3), oriented alike; closed pieces face outward.
     Raises SurfaceError for repeated faces, edges with more than two faces, and parts that touch in an inner point."""
     surface = Surface(V, F)
     _check_manifold(F, surface.edges)
@@ -129,7 +129,7 @@ def oriented_surface(V: Floats, F: Ints) -> Surface:
 
 
 def normalized_surface(surface: Surface) -> Surface:
-    """Return the surface oriented as by `oriented_surface`, without vertices that no face uses."""
+    """Return the surface without unused vertices. Its faces are oriented as by `oriented_surface`."""
     used, F = np.unique(surface.F, return_inverse=True)
     if len(used) < surface.n:
         return oriented_surface(surface.V[used], F.reshape(-1, 3))
@@ -145,12 +145,16 @@ def _check_manifold(F: Ints, edges: EdgeTable) -> None:
             f"{len(F):,} faces); remove the repeated faces, or set surface.mend = true"
         )
     if fault := crowded_edge_fault(edges):
-        raise SurfaceError(f"{fault}; dsfab needs a manifold sheet: remove the faces inside or split the surface there")
+        raise SurfaceError(
+            f"{fault}; dsfab needs a manifold sheet: remove inner faces, or split the surface at these edges"
+        )
     n = int(F.max()) + 1
     points = pinches(F, edges, n)
     bad = points[~on_boundary(edges, n)[points]]
     if len(bad):
-        raise SurfaceError(f"parts touch in a point inside the surface (first: vertex {bad[0]}); join or separate them")
+        raise SurfaceError(
+            f"parts touch in a point inside the surface (first: vertex {bad[0]}); join or separate these parts"
+        )
 
 
 def _oriented_faces(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
@@ -174,14 +178,14 @@ def _inside_out(V: Floats, F: Ints, edges: EdgeTable) -> Bools:
 
 @dataclass(frozen=True)
 class MeshFacts:
-    """Facts about a mesh file, sound or not. Lengths are in metres, converted from `unit`.
+    """Facts about the mesh in a file, which may have faults. Lengths are in metres, converted from `unit`.
     unit_guess     : unit that the file declares (if `unit_said`), or a guess from the size of the numbers.
-    faces          : number of triangles; all other facts ignore faces with vertices that are not finite.
+    faces          : number of triangles. All other facts ignore faces with vertices that are not finite.
     polygons       : number of faces in the file.    box, low : size, and smallest coordinates along x, y, z.
     volume         : cubic metres; None unless the mesh is closed and oriented.
-    genus          : None unless the mesh is a single oriented manifold piece.
+    genus          : number of handles; None unless the mesh is a single oriented manifold piece.
     faults         : reasons why the mesh is not an oriented manifold.
-    smallest_angle : degrees, without degenerate faces."""
+    smallest_angle : smallest angle of a face, degrees, without degenerate faces."""
 
     path: str
     unit: str
@@ -212,12 +216,12 @@ class MeshFacts:
 
     @property
     def manifold(self) -> bool:
-        """True for an oriented manifold without repeated faces and without parts that touch in a single vertex."""
+        """True if the mesh is an oriented manifold without repeated faces and without parts that touch in a vertex."""
         return not self.faults
 
     @property
     def boundary_loops(self) -> int:
-        """Number of boundary loops."""
+        """Number of closed curves that form the boundary of the mesh."""
         return len(self.boundary_lengths)
 
 
@@ -228,7 +232,7 @@ def describe(path: str | Path, unit: str | None = None, max_triangles: int = DEF
 
 
 def mesh_facts(path: str | Path, raw: RawMesh, unit: str | None = None) -> MeshFacts:
-    """Return the measures, the topology and the faults of a raw mesh."""
+    """Return the sizes, the topology and the faults of a mesh from a file. unit : default: the unit of the file."""
     V = raw.V * (metres_per(unit) if unit else raw.metres)
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     F = finite_faces(path, raw)
@@ -273,7 +277,7 @@ def mesh_facts(path: str | Path, raw: RawMesh, unit: str | None = None) -> MeshF
 
 
 def finite_faces(path: str | Path, raw: RawMesh) -> Ints:
-    """Return the faces (k, 3) of a raw mesh with finite corners; raises SurfaceError if the mesh has no such face."""
+    """Return the faces (k, 3) of a mesh that have finite corners. Raises SurfaceError if there are none."""
     finite: Bools = np.asarray(np.isfinite(raw.V).all(axis=1))
     F = raw.F[finite[raw.F].all(axis=1)]
     if not len(F):
@@ -299,6 +303,6 @@ def _areas_and_smallest_angle(V: Floats, F: Ints, size: float) -> tuple[Floats, 
 
 
 def unit_guess(raw: RawMesh) -> str:
-    """Return the declared unit; else metres if the mesh is at most 250 units long, and millimetres if it is longer."""
+    """Return the unit that the file declares, or a guess: "m" if the mesh is at most 250 units long, else "mm"."""
     V = raw.V[in_reach(raw.V)]
     return raw.unit or ("m" if np.ptp(V, axis=0).max() <= 250.0 else "mm")

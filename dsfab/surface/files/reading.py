@@ -1,4 +1,4 @@
-"""Support for all readers of mesh files."""
+"""Functions that all readers of mesh and drawing files share: limits, messages, text files, units."""
 
 import codecs
 import difflib
@@ -26,40 +26,40 @@ DEFAULT_TRIANGLES = MOST_TRIANGLES  # Default limit on a file's triangles, the s
 
 
 class MalformedFileError(ValueError):
-    """Error in the content of a file, in words for the user."""
+    """Error in the content of a file. The message is written for the user."""
 
 
 @dataclass(frozen=True)
 class Budget:
-    """Limits of reading one file. started : start of reading, seconds of the process's clock."""
+    """Limits for reading a file. triangles : largest number.    started : start of reading (monotonic clock, s)."""
 
     triangles: int = DEFAULT_TRIANGLES
     started: float = field(default_factory=time.monotonic)
 
     @property
     def bytes(self) -> int:
-        """Largest size of the file, also when unpacked."""
+        """Largest size of the file, bytes, also after decompression."""
         return 500 * self.triangles
 
     @property
     def seconds(self) -> float:
-        """Time limit for reading."""
+        """Time limit for reading, seconds."""
         return max(20.0, 6e-5 * self.triangles)
 
     def require_triangles(self, count: int) -> None:
-        """Raise SurfaceError for more triangles than the limit."""
+        """Raise SurfaceError if `count` is above the limit on triangles."""
         self._require(count, self.triangles, "triangles")
 
     def require_vertices(self, count: int, what: str = "vertices") -> None:
-        """Raise SurfaceError if `count` is above three times the limit on triangles."""
+        """Raise SurfaceError if `count` is above three times the limit on triangles. what : noun for the message."""
         self._require(count, 3 * self.triangles, what)
 
     def require_bytes(self, count: int, what: str = "bytes") -> None:
-        """Raise SurfaceError for more bytes than the limit."""
+        """Raise SurfaceError if `count` is above the limit on bytes. what : noun for the message."""
         self._require(count, self.bytes, what)
 
     def require_time(self) -> None:
-        """Raise SurfaceError if reading takes too long."""
+        """Raise SurfaceError if reading has taken longer than the time limit."""
         if time.monotonic() - self.started > self.seconds:
             raise SurfaceError(f"reading took more than {self.seconds:.0f} s; {_LIFT}")
 
@@ -69,7 +69,7 @@ class Budget:
 
 
 _LIFT = "make the mesh coarser, or raise the limits with --max-triangles N (surface.max_triangles in a preset)"
-"""Remedy in the messages about the limits of `Budget`."""
+"""End of the error messages about the limits of `Budget`: advice for the user."""
 
 
 log = logging.getLogger(__name__)
@@ -77,8 +77,8 @@ log = logging.getLogger(__name__)
 
 @contextmanager
 def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
-    """Convert any exception to a SurfaceError with a message for the user.
-    smaller : remedy for too little memory.    damaged : cause of an unknown error."""
+    """Convert any exception in the `with` block to a SurfaceError with a message for the user.
+    smaller : advice in the message if memory is too small.    damaged : probable cause in the message otherwise."""
     kind = path.suffix[1:].upper()
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -87,23 +87,23 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from None
     except MalformedFileError as error:
-        raise SurfaceError(f"{path} cannot be read as {kind} ({error}); export it again") from None
+        raise SurfaceError(f"{path} cannot be read as {kind} ({error}); export the file again") from None
     except MemoryError:
         raise SurfaceError(f"{path} needs more memory than this machine has; {smaller}") from None
     except OSError as error:
         raise SurfaceError(f"{path} cannot be read ({error.strerror or 'the system gives no reason'})") from None
     except Exception:  # the message of a parser does not help the user
         log.debug("reading %s", path, exc_info=True)
-        raise SurfaceError(f"{path} cannot be read as {kind} ({damaged}); export it again") from None
+        raise SurfaceError(f"{path} cannot be read as {kind} ({damaged}); export the file again") from None
 
 
 @dataclass(frozen=True)
 class Content:
-    """Things of one kind in a file, and what dsfab did with them.
-    kind  : "mesh", "curve", "hidden object" ...
+    """Number of objects of a kind in a file, and their use by dsfab.
+    kind  : name of the kind, such as "mesh", "curve" or "hidden object".
     fate  : "taken": part of the surface. "marks": support, load or region. "beside": ignored, no part of a surface.
-            "dropped": ignored, though the user may expect these things in the surface.
-    about : words after the kind, such as a layer or a reason."""
+            "dropped": ignored, although the user may expect these objects in the surface.
+    about : words for messages after the kind, such as a layer or a reason."""
 
     kind: str
     fate: Literal["taken", "marks", "beside", "dropped"] = "taken"
@@ -112,31 +112,32 @@ class Content:
 
     @property
     def text(self) -> str:
-        """Count and kind: `2 hidden objects on layer 'old'`."""
+        """Text with the number and the kind, such as `2 hidden objects on layer 'old'`."""
         return f"{count_phrase(self.count, self.kind)} {self.about}".rstrip()
 
 
 def hidden_on(layer: str) -> Content:
-    """Return the inventory entry of an object that the file hides. layer : "" in files without layers."""
+    """Return the `Content` entry for an object that the file hides. layer : its layer; "" in files without layers."""
     return Content("hidden object", "dropped", f"on layer {layer!r}" if layer else "")
 
 
 MARK_LAYERS = ("support", "load", "keep", "void")
-"""Layers whose points and curves are supports, loads and regions of a design."""
+"""Names of layers. Points and curves on these layers are supports, loads and regions of a design."""
 _OTHER_NAMES = {
     "support": ("auflager", "lager", "stuetze", "stütze", "stützen", "appui", "appuis", "apoyo", "apoyos", "appoggi"),
     "load": ("last", "lasten", "charge", "charges", "carga", "cargas", "carichi"),
     "void": ("opening", "openings", "öffnung", "öffnungen", "hole", "holes", "loch"),
 }
-"""Names that users give to the layers of `MARK_LAYERS`, also in other languages."""
+"""Other names that users may give to the layers of `MARK_LAYERS`, also in other languages."""
 
 
 ALIKE = 0.85
-"""Least similarity [difflib] at which a word is a misspelt layer name: "supports" is similar enough, "upload" not."""
+"""Smallest similarity (by difflib) at which a word counts as a misspelt layer name.
+"supports" is similar enough to "support"; "upload" is not similar enough to "load"."""
 
 
 def mark(kind: str, layer: str) -> Content:
-    """Return the inventory entry of an object on a layer."""
+    """Return the `Content` entry for an object on a layer. kind : name of the object's kind, such as "curve"."""
     if layer.lower() in MARK_LAYERS:
         return Content(kind, "marks" if kind in ("curve", "point") else "beside", f"on layer {layer!r}")
     matches = (_mark_layer(word) for word in re.findall(r"[^\W\d_]+", layer.lower()))
@@ -151,7 +152,7 @@ def _mark_layer(word: str) -> str:
 
 
 def contents(counts: Counter[Content]) -> tuple[Content, ...]:
-    """Return a file's inventory from counts of its things."""
+    """Return the list of a file's content. counts : number of the objects of each kind."""
     shown = {thing: count for thing, count in counts.items() if count}
     for kind, start, plural in (("hidden object", "on layer ", "on {} layers"), (UNSELECTED, "of ", "of {} names")):
         similar = [thing for thing in shown if thing.kind == kind]
@@ -162,7 +163,7 @@ def contents(counts: Counter[Content]) -> tuple[Content, ...]:
 
 
 def ignored_clause(texts: Iterable[str]) -> str:
-    """Return the end of an error message: the ignored things in the file."""
+    """Return the end of an error message: descriptions of the objects in a file that were ignored."""
     return "".join(f"; ignored: {text}" for text in texts)
 
 
@@ -174,8 +175,9 @@ Part = TypeVar("Part")
 def selected_parts(
     parts: Iterable[tuple[Sequence[str], Part]], only: Sequence[str], counts: Counter[Content]
 ) -> Iterator[Part]:
-    """Yield the parts of a file that the user names in `only`, and count other parts in `counts`.
-    parts : pairs of names and a part.    only : the user's names; empty for all parts. Raises SurfaceError."""
+    """Yield the parts of a file that the user names in `only`; an empty `only` selects all parts.
+    parts : the names of each part, and the part.    counts : counter to which the omitted parts are added.
+    Raises SurfaceError for a name that no part has."""
     if not only:
         yield from (part for _, part in parts)
         return
@@ -194,12 +196,16 @@ def _name_in_file(name: str, names: list[str]) -> str:
     if name in matches or len(matches) == 1:
         return name if name in matches else matches[0]
     if matches:
-        raise SurfaceError(f"the name {name!r} may mean {' or '.join(map(repr, matches))}; write one of them exactly")
+        raise SurfaceError(
+            f"the name {name!r} may mean {' or '.join(map(repr, matches))}; write one of these names exactly"
+        )
     if not names:
         raise SurfaceError(f"no visible part has the name {name!r}; the parts have no names: leave out {ONLY_OPTION}")
     likeness = {match: difflib.SequenceMatcher(None, match.lower(), name.lower()).ratio() for match in names}
     nearest = names_and_count(sorted(names, key=lambda match: -likeness[match]), 8)
-    raise SurfaceError(f"no visible part has the name {name!r}; the names are {nearest}: choose with {ONLY_OPTION}")
+    raise SurfaceError(
+        f"no visible part has the name {name!r}; the names are {nearest}: choose one name with {ONLY_OPTION}"
+    )
 
 
 ONLY_OPTION = "--only (surface.only in a preset)"
@@ -207,9 +213,9 @@ ONLY_OPTION = "--only (surface.only in a preset)"
 
 @dataclass(frozen=True)
 class FileRecord:
-    """Short texts about the content of one file.
-    read     : format and content, then doubts.    repaired : differences between the surface and the file.
-    dropped  : content that the surface lacks.    content : inventory of the file."""
+    """Messages about the content of a file.
+    read     : format and content, then possible faults.    repaired : differences between the surface and the file.
+    dropped  : content that is not part of the surface.    content : list of the file's content."""
 
     read: tuple[str, ...] = ()
     repaired: tuple[str, ...] = ()
@@ -217,28 +223,28 @@ class FileRecord:
     content: tuple[Content, ...] = ()
 
     def also(self, repaired: tuple[str, ...] = (), dropped: tuple[str, ...] = ()) -> "FileRecord":
-        """Return the record with further repairs and dropped parts."""
+        """Return the record with messages about further repairs and dropped parts."""
         return replace(self, repaired=(*self.repaired, *repaired), dropped=(*self.dropped, *dropped))
 
     @property
     def surface_words(self) -> str:
-        """Words for the content of the surface: '2 meshes, 4 block insertions'."""
+        """Text about the objects that form the surface, such as '2 meshes, 4 block insertions'."""
         things = [thing for thing in self.content if thing.fate == "taken"]
         return ", ".join(thing.text for thing in things) if {thing.kind for thing in things} - {"face"} else ""
 
     @property
     def mark_words(self) -> str:
-        """Words for supports, loads and regions: `2 curves on layer 'support'`."""
+        """Text about objects that mark supports, loads and regions, such as `2 curves on layer 'support'`."""
         return ", ".join(thing.text for thing in self.content if thing.fate == "marks")
 
     @property
     def other_words(self) -> str:
-        """Words for ignored content that is no part of a surface: '2 curves, 1 point'."""
+        """Text about ignored objects that cannot be part of a surface, such as '2 curves, 1 point'."""
         return ", ".join(thing.text for thing in self.content if thing.fate == "beside")
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Lines for the user: all texts except the first text of `read`."""
+        """Lines with all messages for the user, except the first message in `read`."""
         kinds = ("read", self.read[1:]), ("repaired", self.repaired), ("dropped", self.dropped)
         return tuple(f"{kind}: {text}" for kind, texts in kinds for text in texts)
 
@@ -248,10 +254,10 @@ NOTHING_READ = FileRecord()
 
 @dataclass(frozen=True, eq=False)
 class PolygonFile:
-    """The polygons of a file.
-    doubts  : remarks on likely faults.    dropped : ignored parts.    unit : unit in the file's comments.
-    up      : default up axis of the program that wrote the file, "y" or "z"; None if unknown.
-    content : inventory of the file."""
+    """The polygons in a file.
+    doubts  : messages about likely faults.    dropped : messages about ignored parts.    unit : unit in comments.
+    up      : vertical axis, "y" or "z", that is usual in the program that wrote the file; None if unknown.
+    content : list of the file's content."""
 
     mesh: Polygons
     doubts: tuple[str, ...] = ()
@@ -263,9 +269,9 @@ class PolygonFile:
 
 @dataclass(frozen=True, eq=False)
 class TriangleFile:
-    """Triangles of a file: vertices V (n, 3) in the file's unit, and faces F (m, 3).
-    unit    : unit that the file declares, or None.    doubts : remarks on likely faults.
-    dropped : ignored parts.                           content : inventory of the file."""
+    """The triangles in a file: vertices V (n, 3) in the file's unit, and faces F (m, 3).
+    unit    : unit that the file declares, or None.    doubts : messages about likely faults.
+    dropped : messages about ignored parts.            content : list of the file's content."""
 
     V: Floats
     F: Ints
@@ -276,54 +282,54 @@ class TriangleFile:
 
 
 def declared_unit(word: str) -> str | None:
-    """Return the unit that a word such as 'Yards' names; None for "no unit". Unknown words stay, in lower case."""
+    """Return the unit that a word such as 'Yards' names; None for "unitless"; an unknown word in lower case."""
     lower = word.lower()
     return None if lower in ("none", "unset", "unitless") else UNIT_WORDS.get(lower, lower)
 
 
 def is_mirrored(place: Floats) -> bool:
-    """Return True for a transformation (4, 4) that turns a mesh inside out."""
+    """Return True if a transformation matrix `place` (4, 4) mirrors, so that faces turn inside out."""
     return bool(np.linalg.det(place[:3, :3]) < 0)
 
 
 def placed_points(points: Floats, place: Floats) -> Floats:
-    """Return points (n, 3) after a transformation (4, 4)."""
+    """Return points (n, 3), moved by the transformation matrix `place` (4, 4)."""
     return np.asarray(points @ place[:3, :3].T + place[:3, 3]) if (place != np.eye(4)).any() else points
 
 
 def mesh_at(V: Floats, F: Ints, place: Floats) -> tuple[Floats, Ints]:
-    """Return a mesh after a transformation (4, 4); mirrored faces are reversed."""
+    """Return a mesh, moved by the transformation matrix `place` (4, 4). Mirrored faces are reversed."""
     return placed_points(V, place), F[:, ::-1] if is_mirrored(place) else F
 
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8", "UTF-8 with a byte order mark"),
-    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # test UTF-32 first: its mark begins with the UTF-16 mark
+    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # the mark of UTF-32 begins with the mark of UTF-16
     (codecs.BOM_UTF32_BE, "utf-32-be", "UTF-32 text"),
     (codecs.BOM_UTF16_LE, "utf-16-le", "UTF-16 text"),
     (codecs.BOM_UTF16_BE, "utf-16-be", "UTF-16 text"),
 )
 _UNIT = re.compile(rf"\bunits?\s*[:=]\s*[\"']?({'|'.join(UNIT_WORDS)})\b", re.IGNORECASE)
-"""Pattern of a comment with a unit: '# File units = inches', 'comment unit: mm'."""
+"""Pattern of a comment with a known unit, such as '# File units = inches' or 'comment unit: mm'."""
 _FILE_UNIT = re.compile(r"\bfile units?\s*=\s*[\"']?([^\W\d_]+)", re.IGNORECASE)
 """Pattern of the comment in which programs declare a unit. It also finds units that dsfab does not know."""
 _PROGRAMS = re.compile(r"\b(?:(SketchUp|Blender|Rhino)|(FreeCAD|AutoCAD|Revit|dsfab))\b", re.IGNORECASE)
-"""Programs whose OBJ files have y up by default (first group), and programs with z up."""
+"""Pattern with names of programs that write OBJ files. First group: y is up by default. Second group: z is up."""
 
 BLOCK = 1 << 20  # Number of characters that are split into lines between two checks of the time.
 
 
 @dataclass(frozen=True)
 class TextFile:
-    """The text of a file, with line feeds at the ends of lines.
-    doubts : remarks on likely faults.    ended : True if the last line is complete."""
+    """The text in a file, with a line feed at the end of each line.
+    doubts : messages about likely faults.    ended : True if the last line is complete."""
 
     text: str
     doubts: tuple[str, ...]
     ended: bool
 
     def numbered_lines(self, budget: Budget) -> Iterator[tuple[int, str]]:
-        """Yield line numbers from 1, and lines. Raises SurfaceError at the time limit."""
+        """Yield the number (from 1) and the text of each line. Raises SurfaceError if reading takes too long."""
         number, position, text = 0, 0, self.text
         while position <= len(text):  # blocks save memory, because a list of all lines is large
             end = text.find("\n", position + BLOCK)
@@ -335,19 +341,19 @@ class TextFile:
             position = end + 1
 
     def cut_off(self, part: str) -> tuple[str, ...]:
-        """Return a remark if the last line has no end, else (). part : possible incomplete part ("a face")."""
-        return () if self.ended else (f"the last line has no end: the file may be cut off within {part}",)
+        """Return a message if the last line is incomplete, else (). part : words for the incomplete part ("a face")."""
+        return () if self.ended else (f"the last line is incomplete: the file may be cut off within {part}",)
 
 
 def may_lack_digits(word: str, count: int) -> bool:
-    """Return whether an index at the end of a file may have lost digits. count : largest index."""
+    """Return True if an index at the end of a cut-off file may lack its last digits. count : largest possible index."""
     if not (word.isascii() and word.isdigit()):
         return True
     return len(word) <= len(str(count)) and 10 * int(word) <= count  # int() fails for words with 5000 digits
 
 
 def text_file(data: bytes) -> TextFile:
-    """Return the text in `data`. Raises MalformedFileError for incomplete UTF-16."""
+    """Return the text that the bytes of a file encode. Raises MalformedFileError for invalid UTF-16 or UTF-32."""
     encoding, doubt, skipped = "utf-8", "", 0
     for mark, name, word in _MARKS:
         if data.startswith(mark):
@@ -370,14 +376,14 @@ def text_file(data: bytes) -> TextFile:
 class CommentDeclarations:
     """Declarations in comments at the beginning of a file; None if missing.
     unit : a key of METRES_PER, or an unknown unit.
-    up   : default up axis of the program that wrote the file, "y" or "z"."""
+    up   : vertical axis, "y" or "z", that is usual in the program that wrote the file."""
 
     unit: str | None = None
     up: str | None = None
 
 
 def declarations_in_comments(text: str, marks: tuple[str, ...]) -> CommentDeclarations:
-    """Return the unit and the up axis from comments at the beginning of a file."""
+    """Return unit and vertical axis from comments at a file's beginning. marks : starts of comments, such as "#"."""
     comments = "\n".join(line for line in text[:4096].split("\n") if line.lstrip().startswith(marks))
     unit, program = _UNIT.search(comments) or _FILE_UNIT.search(comments), _PROGRAMS.search(comments)
     return CommentDeclarations(
@@ -386,14 +392,14 @@ def declarations_in_comments(text: str, marks: tuple[str, ...]) -> CommentDeclar
 
 
 def float_of(word: str) -> float:
-    """Return the number in a text. Raises ValueError."""
+    """Return the number that a word contains. Raises ValueError for other words."""
     if "_" in word:
         raise ValueError
     return float(word)
 
 
 def whole_number(word: str) -> int:
-    """Return the whole number in a text. Raises ValueError."""
+    """Return the whole number that a word contains. Raises ValueError for other words."""
     if "_" in word:
         raise ValueError
     return int(word)
@@ -406,13 +412,13 @@ LARGEST_NUMBER = 1e12  # Largest number in a drawing; libraries may loop endless
 FAR = 100.0  # A mesh is far from the origin if a coordinate exceeds this times the mesh's largest dimension.
 DIGITS = 6  # Default number of digits with which C and C++ programs, such as gmsh, write coordinates.
 COARSE_STEP, LARGEST_STEP = 0.02, 0.5
-"""Limits of the rounding step of the coordinates, divided by the mean edge.
-dsfab reports steps above `COARSE_STEP`. It refuses steps above `LARGEST_STEP`, which can turn faces over."""
+"""Limits of the step to which coordinates are rounded, divided by the mean edge length.
+dsfab warns of steps above COARSE_STEP. It refuses a file with steps above LARGEST_STEP, because faces may turn over."""
 
 
 def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, str]:
-    """Return the largest rounding step of the coordinates V (n, 3) of faces F (m, 3), divided by the mean edge, and a
-    sentence about the step; 0 and "" for a fine step. unit : unit of V."""
+    """Return the largest step to which coordinates V (n, 3) of faces F (m, 3) are rounded, divided by the mean edge.
+    Return also a message about the step. For a small step, return 0 and "". unit : unit of V."""
     P = V[F].reshape(-1, 3)
     largest = np.abs(P).max(axis=0)
     if not np.isfinite(largest).all() or largest.max() <= FAR * np.ptp(P, axis=0).max():
@@ -430,16 +436,19 @@ def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, st
     if step[k] <= COARSE_STEP * edge:
         return 0.0, ""
     of_step, of_edge = (f"{size:.2g} {unit or ''}".strip() for size in (step[k], edge))
-    text = f"{'xyz'[k]} has steps of {of_step} here ({why}), but the mean edge is {of_edge}: export it near the origin"
+    text = (
+        f"coordinate {'xyz'[k]} has steps of {of_step} in this file ({why}), but the mean edge length is {of_edge}: "
+        f"export the mesh near the origin"
+    )
     return float(step[k]) / max(edge, 1e-300), text
 
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """Content of a drawing, in its unit.
-    runs   : layer and points (k, 3) of each curve, and True if the file hides it.
+    """Content of a drawing, in the drawing's unit.
+    runs   : for each curve, its layer, its points (k, 3), and True if the file hides it.
     layers : names of all layers.    unit : unit of the file; None if missing or unknown.
-    points : layer and place (1, 3) of each single point, and True if the file hides it."""
+    points : for each single point, its layer, its position (1, 3), and True if the file hides it."""
 
     runs: tuple[tuple[str, Floats, bool], ...]
     layers: tuple[str, ...]
@@ -449,8 +458,8 @@ class Drawing:
 
 @dataclass(frozen=True)
 class DrawingBudget:
-    """Largest values for reading a drawing: size (bytes), time (seconds), entities, points of all curves.
-    depth   : levels of nested blocks.    started : start of reading, seconds of the process's clock."""
+    """Limits for reading a drawing: size (bytes), time (seconds), entities, points of all curves.
+    depth   : largest number of nested blocks.    started : start time of reading (monotonic clock, s)."""
 
     bytes: int = 50_000_000
     entities: int = 50_000
@@ -460,13 +469,13 @@ class DrawingBudget:
     started: float = field(default_factory=time.monotonic)
 
     def require(self, kind: str, count: int) -> None:
-        """Raise SurfaceError if `count` of "bytes", "entities" or "points" is too large, or the time is over."""
+        """Raise SurfaceError if `count` of "bytes", "entities" or "points" (`kind`) is too large, or time is over."""
         if count > getattr(self, kind):
             raise SurfaceError(f"the drawing has {count:,} {kind}, but {getattr(self, kind):,} is the limit; {_APART}")
         self.require_time()
 
     def require_time(self) -> None:
-        """Raise SurfaceError if reading has taken too long."""
+        """Raise SurfaceError if reading has taken longer than `seconds`."""
         if time.monotonic() - self.started > self.seconds:
             raise SurfaceError(f"reading the drawing took more than {self.seconds:.0f} s; {_APART}")
 
@@ -475,8 +484,8 @@ _APART = "put the outlines into a separate drawing"  # Remedy in the messages ab
 
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:
-    """Return points (k, 3) on a curve, within `CURVE_TOLERANCE`.
-    spans : (s,) parameters at ends of the curve's parts.    curve : parameters -> points."""
+    """Return points (k, 3) on a curve, so dense that their polyline is accurate to `CURVE_TOLERANCE`.
+    spans : (s,) parameters at the ends of the curve's parts.    curve : function that maps parameters to points."""
     count = 4
     while True:
         t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)

@@ -37,12 +37,12 @@ _KINDS = {
     **dict.fromkeys(("PolylineCurve", "LineCurve", "ArcCurve", "NurbsCurve", "PolyCurve"), "curve"),
     "Mesh": "mesh", "Point": "point", "TextDot": "text dot", "Light": "light",
 }  # fmt: skip
-"""Kinds of objects by their names in rhino3dm."""
+"""Kind of each Rhino object, by the name of its class in rhino3dm."""
 
 
 def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
     """Return the curves and points of a 3DM file, with the names of its layers and its unit.
-    Raises MalformedFileError for an invalid file; SurfaceError for a file above `budget`, or without rhino3dm."""
+    Raises MalformedFileError for an invalid file; SurfaceError above the limits of `budget`, or without rhino3dm."""
     require_rhino()
     import rhino3dm
 
@@ -64,7 +64,7 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
 
 def read_rhino_meshes(path: Path, budget: DrawingBudget, only: Sequence[str] = ()) -> TriangleFile:
     """Return the meshes of a 3DM file. only : names of layers, blocks and objects to read; by default all.
-    Raises MalformedFileError for a damaged file; SurfaceError for a file without meshes or above `budget`."""
+    Raises MalformedFileError for a damaged file; SurfaceError for a file without meshes or above the `budget`."""
     model = _model(path)
     drawing, parts, bare = _DrawnObjects(model, budget), list[tuple[Floats, Ints]](), 0
     named_parts = _by_selectable_names(list(drawing.surfaces())) if only else (((), x) for _, x in drawing.surfaces())
@@ -83,7 +83,7 @@ def read_rhino_meshes(path: Path, budget: DrawingBudget, only: Sequence[str] = (
 
 
 def _meshes(thing: Any) -> list[Any] | None:
-    """Return the meshes of an object; [] if it is not a surface, None for a surface without a saved mesh."""
+    """Return the meshes of a Rhino object: [] if the object is not a surface, None for a surface without a mesh."""
     import rhino3dm
 
     if isinstance(thing, rhino3dm.Mesh):
@@ -106,8 +106,8 @@ def _mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
 
 
 def read_rhino_json(text: str) -> TriangleFile:
-    """Return the mesh, without a unit, in Rhino's JSON text of a geometry.
-    Raises SurfaceError for other texts."""
+    """Return the mesh in a JSON text of a Rhino geometry (rhino3dm: `CommonObject.Encode`). The mesh has no unit.
+    Raises SurfaceError for a text without a mesh."""
     require_rhino()
     import rhino3dm
 
@@ -161,7 +161,7 @@ class _DrawnObjects:
         self.counts = Counter[Content]()
 
     def surfaces(self) -> Iterator[tuple[_Groups, _Surface]]:
-        """Yield names, geometry, meshes, matrix (4, 4) of each surface or mesh."""
+        """Yield each surface or mesh: names of its layers and blocks, (geometry, meshes, transformation (4, 4))."""
         for groups, thing, place, _ in self.all():
             meshes, name = _meshes(thing), type(thing).__name__
             if meshes or meshes is None:
@@ -171,7 +171,7 @@ class _DrawnObjects:
                 self.counts[mark(kind, groups[0][1]) if name in _KINDS else Content(kind, "dropped")] += 1
 
     def all(self) -> Iterator[tuple[_Groups, Any, Floats, bool]]:
-        """Yield each object: groups of names, geometry, matrix (4, 4), and True on a hidden layer."""
+        """Yield each object: names of its layers and blocks, geometry, transformation (4, 4), True if hidden."""
         self.budget.require("entities", len(self.model.Objects))
         objects = (thing for thing in self.model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
         return self.objects(objects, np.eye(4), ())
@@ -227,7 +227,7 @@ def _points(curve: Any) -> Floats:
 
 def read_occt(path: Path, only: Sequence[str] = ()) -> TriangleFile:
     """Return triangles of a STEP file (in millimetres) or BREP file (without a unit).
-    Neighbouring faces share no vertices.    only : names of STEP parts to read; by default all.
+    Neighbouring CAD faces share no vertices.    only : names of STEP parts to read; by default all.
     Raises MalformedFileError for an invalid file, and for a file without faces."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
@@ -289,7 +289,7 @@ def _shape(path: Path, only: Sequence[str], counts: Counter[Content]) -> Any:
 
         shape = TopoDS_Shape()
         if not BRepTools.Read_s(shape, str(path), BRep_Builder()) or shape.IsNull():
-            raise MalformedFileError("the file is not a BREP file, or it is cut off")
+            raise MalformedFileError("the file is not a BREP file, or the file is cut off")
         return shape
     if only or b"INVISIBILITY" in path.read_bytes():
         return _compound(selected_parts(_visible_parts(path, counts), only, counts))
@@ -306,13 +306,13 @@ _ELSEWHERE = re.compile(rb"\bAPPLIED_EXTERNAL_IDENTIFICATION_ASSIGNMENT\s*\(\s*'
 
 
 def _other_files(path: Path) -> list[str]:
-    """Return the names of the STEP files in which an assembly keeps its parts [AP 214, external references]."""
+    """Return the names of other STEP files that contain parts of the assembly [AP 214, external references]."""
     references = [] if path.suffix.lower() == ".brep" else _ELSEWHERE.findall(path.read_bytes())
     names = (name.decode("utf-8", "replace") for name in dict.fromkeys(references))
     return [name for name in names if name.lower().endswith((".stp", ".step", ".p21"))]  # omits other formats
 
 
-_NOT_STEP = "the file is not a STEP file with shapes, or it is cut off"
+_NOT_STEP = "the file is not a STEP file with shapes, or the file is cut off"
 
 
 def _compound(shapes: Iterable[Any]) -> Any:
@@ -327,7 +327,7 @@ def _compound(shapes: Iterable[Any]) -> Any:
 
 
 def _visible_parts(path: Path, counts: Counter[Content]) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield names and shape of each visible STEP part."""
+    """Yield names and shape of each visible part of a STEP file. counts : counter, increased at each hidden part."""
     from OCP.IFSelect import IFSelect_RetDone
     from OCP.STEPCAFControl import STEPCAFControl_Reader
     from OCP.TCollection import TCollection_ExtendedString

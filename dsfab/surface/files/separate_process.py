@@ -22,14 +22,14 @@ from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino
 
 GIB = 2**30
 MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB, "ifc": 4 * GIB}  # Largest address space for reading, bytes.
-SECONDS = {"drawing": 3, "meshes": 6, "cad": 60, "ifc": 60}  # Processor seconds: this x (1 + file size / 10 MB).
+SECONDS = {"drawing": 3, "meshes": 6, "cad": 60, "ifc": 60}  # Time limit (processor s) / (1 + file size/10 MB).
 PROGRAM = "from dsfab.surface.files.separate_process import main; main()"
 TIME_OVER = -int(getattr(signal, "SIGXCPU", 24))  # Return code of a process that used up its processor seconds.
 LIBRARIES = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "OCCT", "ifc": "ifcopenshell"}
 
 
 def read_rhino_in_process(path: Path, budget: DrawingBudget) -> Drawing:
-    """Return the drawing in a 3DM file. Raises MalformedFileError also if the library crashes."""
+    """Return the curves and points of a 3DM file. Raises MalformedFileError also if rhino3dm crashes."""
     require_rhino()
     try:
         answer = json.loads(_program_output("drawing", path, budget.seconds))
@@ -53,7 +53,7 @@ def read_3dm(path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFi
 
 
 def read_cad(path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
-    """Return the triangles of a STEP, BREP or IFC file, joined along common edges."""
+    """Return the triangles of a STEP, BREP or IFC file. CAD faces share the vertices on their common edges."""
     is_ifc = path.suffix.lower() == ".ifc"
     if is_ifc:
         require_ifc()
@@ -65,11 +65,13 @@ def read_cad(path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFi
 
 
 def foreign_triangles(kind: str, path: Path, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
-    """Return the triangles of a file from a separate process. kind : "meshes" (3DM), "cad" (STEP, BREP) or "ifc"."""
+    """Read a file in a separate process; return its triangles. kind : "meshes" (3DM), "cad" (STEP, BREP) or "ifc"."""
     try:
         answer = _program_output(kind, path, budget.seconds + SECONDS[kind], only)
     except subprocess.TimeoutExpired:
-        raise SurfaceError(f"reading the file took more than {budget.seconds:.0f} s; export it as a mesh") from None
+        raise SurfaceError(
+            f"reading the file took more than {budget.seconds:.0f} s; export the model as a mesh"
+        ) from None
     with np.load(io.BytesIO(answer)) as arrays:
         facts, V, F = json.loads(str(arrays["said"])), arrays["V"], arrays["F"]
     _raise_refusal(facts)
@@ -84,7 +86,7 @@ def _program_output(kind: str, path: Path, timeout: float, only: Sequence[str] =
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(folder for folder in sys.path if folder)}
     process = subprocess.run(command, capture_output=True, env=environment, timeout=timeout, check=False)
     if process.returncode == TIME_OVER:
-        cure = "draw less into it" if kind == "drawing" else "make the model simpler, or export it as a mesh"
+        cure = "draw less into it" if kind == "drawing" else "make the model simpler, or export the model as a mesh"
         raise SurfaceError(f"{LIBRARIES[kind]} needs more than {seconds} s of processor time for the file; {cure}")
     if process.returncode:
         words = f"the file is damaged, or needs more than {MEMORY[kind] // GIB} GiB of memory"
@@ -100,7 +102,7 @@ def _raise_refusal(answer: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    """Read the file of the command's arguments: kind, path, seconds, names of parts.
+    """Read a file. The command line contains its kind, its path, the limit on seconds, and names of parts to read.
     Print the content: JSON for drawings, .npz for meshes."""
     kind, path, seconds, *only = sys.argv[1:]
     _limit(int(seconds), MEMORY[kind])

@@ -45,7 +45,7 @@ CHUNK = 1 << 14  # Number of triangles or XML elements between two checks of the
 
 def read_stl(data: bytes, budget: Budget) -> TriangleFile:
     """Return the triangles of an STL file, text or binary; vertices at the same place are merged.
-    Raises MalformedFileError for a damaged file, SurfaceError above the limits of `budget`."""
+    Raises MalformedFileError for a damaged file, SurfaceError for a file above the limits of `budget`."""
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEAD else -1
     announced = HEAD + EACH * count
     looks_like_text = b"facet" in data[:2000].replace(b"\0", b"").lower() or len(data) < HEAD
@@ -53,7 +53,7 @@ def read_stl(data: bytes, budget: Budget) -> TriangleFile:
         return _read_text(data, budget)
     budget.require_triangles(count)
     if len(data) < announced:
-        raise MalformedFileError(f"the file announces {count:,} triangles, but has {(len(data) - HEAD) // EACH:,}")
+        raise MalformedFileError(f"the file announces {count:,} triangles, but has only {(len(data) - HEAD) // EACH:,}")
     soup = np.frombuffer(data, _RECORD, count, HEAD)["corners"].astype(np.float64)
     extra_bytes = len(data) - announced
     dropped = (f"{count_phrase(extra_bytes, 'byte')} after the last triangle",) if extra_bytes else ()
@@ -66,7 +66,10 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
     text, position, numbers, ended = file.text.rstrip(), 0, array("d"), False
     head = _BETWEEN.match(text)
     if head is None or not text.lstrip()[:5].lower() == "solid":
-        raise MalformedFileError("the file does not begin with 'solid', and its length differs from its binary header")
+        raise MalformedFileError(
+            "the file does not begin with 'solid' (text STL), and the length of the file differs from the length in "
+            "its binary header"
+        )
     position = head.end()
     while position < len(text):
         if match := _FACET.match(text, position):
@@ -75,7 +78,7 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
                 numbers.extend(map(float_of, match.groups()))
             except ValueError:
                 line = _line_number(text, position)
-                raise MalformedFileError(f"line {line} or a later line has a word that is not a number") from None
+                raise MalformedFileError(f"line {line} or a later line has a word where a number is needed") from None
             if len(numbers) % (9 * CHUNK) == 0:
                 budget.require_time()
                 budget.require_triangles(len(numbers) // 9)
@@ -97,10 +100,10 @@ def _line_number(text: str, position: int) -> int:
 
 
 _NAMESPACES = "core material production beamlattice slice trianglesets".split()  # noqa: SIM905
-"""Words in the names of 3MF extensions that dsfab accepts: it reads these extensions, or they do not change shapes."""
+"""Words in the names of the 3MF extensions that dsfab accepts. dsfab ignores extensions that do not change shapes."""
 _TAKEN = ("model", "surface")  # Types of objects that belong to the model; other types help only the printing.
 _CURA_AIDS = ("support_mesh", "anti_overhang_mesh", "infill_mesh", "cutting_mesh")  # printing aids [Cura 5]
-_ROOT = re.compile(r"""<[^<>]*/3dmodel["'][^<>]*>""")  # entry that names the root model's file (any suffix)
+_ROOT = re.compile(r"""<[^<>]*/3dmodel["'][^<>]*>""")  # entry with the name of the root model's file
 _TARGET = re.compile(r"""Target\s*=\s*["']/*([^"']+)["']""", re.IGNORECASE)
 Key = tuple[str, str]  # Name of a part of the file, and number of an object in this part.
 
@@ -108,7 +111,7 @@ Key = tuple[str, str]  # Name of a part of the file, and number of an object in 
 def read_3mf(data: bytes, budget: Budget, only: Sequence[str] = ()) -> TriangleFile:
     """Return the triangles of all objects on the build plate of a 3MF file, without printing aids such as supports.
     only : names or part numbers of the objects to read.    Source: 3MF Consortium, core specification 1.4.
-    Raises MalformedFileError for a damaged file, SurfaceError above the limits of `budget`."""
+    Raises MalformedFileError for a damaged file, SurfaceError for a file above the limits of `budget`."""
     plate = _Plate(budget, _archive_texts(data, budget))
     for key in (*plate.unprinted, *(key for key, _, _ in plate.items)):
         plate.require_ends(key, 0)
@@ -130,7 +133,7 @@ class _Object:
 
 
 class _Plate:
-    """Content of a 3MF file. items : object, transformation (4, 4) and part number of each item."""
+    """Content of a 3MF file. items : object, transformation (4, 4) and part number of each item to print."""
 
     def __init__(self, budget: Budget, texts: dict[str, bytes]) -> None:
         self.budget, self.count, self.open = budget, 0, _Object("")  # `open` is the object that is being read
@@ -144,7 +147,7 @@ class _Plate:
         models = [name for name in texts if name.lower().endswith(".model") or (target and name == target[1])]
         self.root = target[1] if target and target[1] in models else "".join(models[:1])
         if not models:
-            raise MalformedFileError("the archive has no file with a 3D model")
+            raise MalformedFileError("the 3MF archive has no file with a 3D model")
         for self.part in models:
             self._read(texts[self.part])
 
@@ -186,7 +189,7 @@ class _Plate:
         elif kind == "build":
             self.open = _Object("")
         elif kind == "item" and self.part == self.root:
-            self.open = self.objects.get(self._key(values), _Object(""))  # an item's settings concern its object
+            self.open = self.objects.get(self._key(values), _Object(""))  # an item's settings apply to its object
             if values.get("printable", "1") == "0":
                 self.counts[Content("item", "dropped", "marked as not printable")] += 1
                 self.unprinted.append(self._key(values))
@@ -203,7 +206,10 @@ class _Plate:
         names = [self.prefixes.get(prefix, prefix) for prefix in values.get("requiredextensions", "").split()]
         unknown = [name for name in names if not any(f"/{word}/" in name for word in _NAMESPACES)]
         if unknown:
-            raise MalformedFileError(f"the file needs the extension {unknown[0]}, which dsfab does not read; remove it")
+            raise MalformedFileError(
+                f"the file needs the extension {unknown[0]}, which dsfab does not read; export the file without this "
+                f"extension"
+            )
         if self.part == self.root:
             self.unit = declared_unit(values.get("unit", "millimeter"))
 
@@ -212,11 +218,12 @@ class _Plate:
         return path.lstrip("/"), values["objectid"]
 
     def require_ends(self, key: Key, depth: int) -> int:
-        """Return an object's triangle count. Raises MalformedFileError if an object is missing or contains itself."""
+        """Return the triangle count of an object and its components.
+        Raises MalformedFileError if an object is missing or contains itself."""
         if depth > 100:
             raise MalformedFileError("an object contains itself, or objects in over 100 nested levels")
         if key not in self.objects:
-            raise MalformedFileError(f"the file places the object {key[1]!r}, but lacks this object")
+            raise MalformedFileError(f"the file places the object {key[1]!r}, but does not contain this object")
         if key not in self.triangles:
             inside = sum(self.require_ends(part, depth + 1) for part, _ in self.objects[key].parts)
             self.triangles[key] = inside + len(self.objects[key].F) // 3
@@ -225,7 +232,8 @@ class _Plate:
     def leaves(
         self, key: Key, place: Floats, outer_names: tuple[str, ...]
     ) -> Iterator[tuple[tuple[str, ...], tuple[Key, Floats]]]:
-        """Yield names, key and place (4, 4) of the objects with a mesh in the object `key`."""
+        """Yield (names, (key, transformation (4, 4))) for object `key` and its components, if they have a mesh.
+        place : transformation (4, 4) of object `key`."""
         thing = self.objects[key]
         names = (*thing.names, *outer_names)
         if thing.kind not in _TAKEN:
@@ -240,7 +248,7 @@ class _Plate:
                 yield from self.leaves(part, place @ inner, names)
 
     def mesh(self, key: Key, place: Floats) -> tuple[Floats, Ints]:
-        """Return V (n, 3) and F (m, 3) of an object, without its components."""
+        """Return vertices (n, 3) and faces (m, 3) of an object without components. place : transformation (4, 4)."""
         thing = self.objects[key]
         V, F = np.array(thing.V).reshape(-1, 3), np.array(thing.F, dtype=np.int64).reshape(-1, 3)
         is_model = np.ones(len(F), dtype=bool)
@@ -256,9 +264,9 @@ _AID = Content("printing aid", "dropped", "that only the slicer uses")
 
 
 def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int, int]]]:
-    """Return the printing aids, such as supports, that the settings of a slicer program name.
-    Keys: (object, component) for an aid that is a whole component, with an empty list; (object, "") with the first and
-    last triangle of each aid inside an object.
+    """Return the printing aids, such as supports, that are listed in the settings of a slicer program.
+    An aid that is a whole component has the key (object, component) and an empty list.
+    Aids inside an object's mesh have the key (object, ""), and a list of their first and last triangles.
     Sources: Slic3r_PE_model.config [PrusaSlicer], model_settings.config [Bambu Studio, OrcaSlicer]."""
     aids: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for name in ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config"):
@@ -279,11 +287,11 @@ def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int,
 
 
 def _refuse_doctype(*_: object) -> None:
-    raise MalformedFileError("the file declares a document type, which 3MF forbids")
+    raise MalformedFileError("the file declares an XML document type, which 3MF forbids")
 
 
 def _place(values: dict[str, str]) -> Floats:
-    """Return the transformation (4, 4) of an item or component, transposed."""
+    """Return the transformation (4, 4) of an item or component, for column vectors."""
     place = np.eye(4)
     if "transform" in values:
         place[:3] = np.array([float_of(word) for word in values["transform"].split()]).reshape(4, 3).T

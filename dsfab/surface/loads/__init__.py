@@ -1,1 +1,1 @@
-"""Supports, loads, combinations and pattern regions, and the pickers that place them."""
+"""Supports, loads, load combinations, pattern regions, and the pickers (selections of vertices) that place them."""

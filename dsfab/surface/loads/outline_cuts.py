@@ -1,4 +1,4 @@
-"""Surface with mesh edges along the outline of a region."""
+"""Cuts of a surface mesh along the outline of a region."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ class OutlinedSurface:
     fixed: Bools
 
     def with_halved_edges(self, edges: Bools, places: Floats | None = None) -> "OutlinedSurface":
-        """Divide the edges in a mask (e,) in the middle, or at places (k, 3) on the outline."""
+        """Return the surface with marked edges (e,) divided in the middle, or at points (k, 3) of the outline."""
         surface = self.surface
         V, F, _ = halved_edges(surface.V, surface.F, surface.edges, edges)
         count = len(V) - surface.n
@@ -39,17 +39,18 @@ class OutlinedSurface:
         return OutlinedSurface(Surface(V, F), np.append(self.on, is_on_line), np.append(self.fixed, between))
 
     def with_moved_vertices(self, vertices: Ints, places: Floats) -> "OutlinedSurface":
-        """Move vertices (k,) to places (k, 3) on the outline."""
+        """Return the surface with vertices (k,) moved to points `places` (k, 3) on the outline."""
         V, on_line = self.surface.V.copy(), self.on.copy()
         V[vertices], on_line[vertices] = places, True
         return replace(self, surface=Surface(V, self.surface.F), on=on_line)
 
     def depth(self, extent: Extent) -> Floats:
-        """Return the depth (n,) of the vertices inside a part of space, metres; negative outside."""
+        """Return the distance (n,) of the vertices from the border of `extent`, metres; negative outside."""
         return np.where(self.on, 0.0, extent.depth(self.surface.V))
 
     def with_divided_faces(self, faces: Ints, places: Floats, on_line: bool) -> "OutlinedSurface":
-        """Divide faces (k,) at places (k, 3) inside. on_line : True if the places lie on the outline."""
+        """Return the surface with faces (k,) divided into three at inner points `places` (k, 3).
+        on_line : True if the points lie on the outline."""
         s, count = self.surface, len(faces)
         centre_vertices = s.n + np.arange(count)
         stay = np.delete(s.F, faces, axis=0)
@@ -60,7 +61,7 @@ class OutlinedSurface:
 
 
 class EdgeCrossings(NamedTuple):
-    """Points where an outline crosses edges: edges (k,), ascending; fractions (k,) along the edges; places (k, 3)."""
+    """Points (k, 3) where an outline crosses edges: edge numbers (k,), ascending; fractions (k,) along the edges."""
 
     edge: Ints
     share: Floats
@@ -68,7 +69,7 @@ class EdgeCrossings(NamedTuple):
 
 
 def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
-    """Return the points where the outline of a part of space crosses edges."""
+    """Return the points where the border of a part of space crosses edges."""
     s, depth = outlined.surface, outlined.depth(extent)
     sign = np.sign(depth[s.edges.ends])
     edge = np.flatnonzero(sign.prod(axis=1) < 0)
@@ -102,7 +103,7 @@ def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats)
 
 
 def with_corners(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Create a vertex at each corner of the outline."""
+    """Return the surface with a vertex at each corner of the outline."""
     tolerance = LINE_TOLERANCE * extent.width
     for a, b in extent.creases:
         for _ in range(64):
@@ -139,7 +140,7 @@ def _shares(corners: Floats, place: Floats) -> Floats:
 
 
 def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[OutlinedSurface, int]:
-    """Move vertices onto an outline close to them. Return also the number of moved vertices."""
+    """Return the surface with close vertices moved onto the outline, and the number of moved vertices."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     ends, size = s.edges.ends[crossed.edge], s.edge_lengths[crossed.edge]
     vertex = np.concatenate([ends[:, 0], ends[:, 1]])
@@ -163,7 +164,8 @@ def with_snapped_vertices(outlined: OutlinedSurface, extent: Extent) -> tuple[Ou
 
 
 def _may_move(outlined: OutlinedSurface, vertices: Ints, places: Floats, tolerance: float) -> Bools:
-    """Return a mask of vertices (k,) that may move to places (k, 3)."""
+    """Return a mask (k,) of the vertices that may move to points `places` (k, 3) without a change of the shape.
+    tolerance : largest change of the surface's shape, metres."""
     s, around = outlined.surface, _FacesAt.from_surface(outlined.surface)
     allowed = ~(outlined.fixed | outlined.on)[vertices]
     for k in np.flatnonzero(allowed):
@@ -201,7 +203,7 @@ def _spoilt(s: Surface, V: Floats) -> Bools:
 
 
 def with_touched_vertices(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Mark vertices very close to the outline as vertices on the outline."""
+    """Return the surface with a mask `on` that also marks vertices very close to the outline."""
     s, crossed = outlined.surface, edge_crossings(outlined, extent)
     ends, share = s.edges.ends[crossed.edge], crossed.share
     close_vertices = np.concatenate([ends[share < 0.05, 0], ends[share > 1 - 0.05, 1]])
@@ -212,7 +214,7 @@ def with_touched_vertices(outlined: OutlinedSurface, extent: Extent) -> Outlined
 
 def with_outline(surface: Surface, extent: Extent, fixed: Bools) -> OutlinedSurface:
     """Return the surface with edges along the border of a part of space.
-    fixed : (n,) mask of vertices that stay in place. Old vertices come first.
+    fixed : (n,) mask of vertices that stay in place. The vertices of `surface` come first in the result.
     Raises SurfaceError if too many faces are needed."""
     outlined = OutlinedSurface(surface, np.zeros(surface.n, dtype=bool), fixed)
     outlined = with_corners(_refine(outlined, extent, _coarse_edges), extent)
@@ -265,7 +267,7 @@ def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
 
 
 def _uneven_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Return a mask (e,) of edges to divide near the outline."""
+    """Return a mask (e,) of the edges near the outline that are too long to follow its shape."""
     s, even = outlined.surface, LINE_TOLERANCE * extent.width
     depth, size = outlined.depth(extent), s.edge_lengths
     ends = s.edges.ends
@@ -292,7 +294,8 @@ def _border_edges(s: Surface, extent: Extent) -> Bools:
 
 
 def _turns_back(depth: Floats) -> Bools:
-    """Return a mask (k,) of edges that cross an outline more than once. depth : (p, k) at p points of each edge."""
+    """Return a mask (k,) of edges that cross an outline more than once.
+    depth : (p, k) distances from the outline at p points along each edge, negative outside."""
     sign = np.sign(depth)
     low, high = np.minimum.accumulate(sign), np.maximum.accumulate(sign)
     fell, rose = (high > 0) & (sign < 0), (low < 0) & (sign > 0)

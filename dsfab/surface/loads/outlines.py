@@ -73,7 +73,7 @@ def enclosed_area(P: Floats) -> float:
 
 
 def bend_corners(P: Floats) -> Bools:
-    """Mark the corners (k,) of a polygon (k, 2) at which the outline bends by 15 degrees or more."""
+    """Return a mask (k,) of the corners of a polygon (k, 2) at which the outline bends by 15 degrees or more."""
     came, goes = P - np.roll(P, 1, axis=0), np.roll(P, -1, axis=0) - P
     cross = came[:, 0] * goes[:, 1] - came[:, 1] * goes[:, 0]
     angle = np.abs(np.arctan2(cross, np.einsum("ki,ki->k", came, goes)))
@@ -81,7 +81,8 @@ def bend_corners(P: Floats) -> Bools:
 
 
 def self_crossing(P: Floats) -> tuple[int, int, Floats] | None:
-    """Return two sides (numbers) of a polygon (k, 2) that meet and are not neighbours, and the place (2,); or None."""
+    """Return the numbers of two sides of a polygon P (k, 2) that cross or touch, and their common point (2,).
+    Neighbouring sides do not count. Return None if no sides cross."""
     k, Q = len(P), np.roll(P, -1, axis=0)
     for i in range(k - 2):
         j = np.arange(i + 2, k - (i == 0))
@@ -114,9 +115,8 @@ class OutlineError(SurfaceError, ValueError):
 
 @dataclass(frozen=True)
 class PlanPolygon:
-    """The space inside a polygon seen from above: `{ pick = "plan", polygon = [[0, 0], [2, 0], [2, 1]] }`.
-    polygon   : corners, x and y, metres.
-    low, high : limits on z, metres; by default none.
+    """Picker of the space above and below a polygon: `{ pick = "plan", polygon = [[0, 0], [2, 0], [2, 1]] }`.
+    polygon : corners, x and y, metres.    low, high : limits on z, metres; by default none.
     Raises OutlineError for a polygon that has no area or crosses itself, and for heights in the wrong order."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -148,21 +148,20 @@ class PlanPolygon:
         return Extent(depth, np.array([*uprights, *around]).reshape(-1, 2, 3), _width(P))
 
     def vertices(self, surface: Surface) -> Bools:
-        """Mark the picked vertices (n,); raises SurfaceError if no vertex is picked."""
+        """Return a mask (n,) of the picked vertices; raises SurfaceError if no vertex is picked."""
         return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
 
 
 @dataclass(frozen=True)
 class ClosedCurves:
-    """The space inside closed curves of a drawing: `{ pick = "curve", file = "door.dxf", layer = "door" }`.
-    Horizontal curves are projected from above. Other curves are projected along the normal of their plane, like a door
-    in elevation.
+    """Picker of the space inside closed curves of a drawing: `{ pick = "curve", file = "door.dxf", layer = "door" }`.
+    dsfab projects horizontal curves along z, and other curves along the normal of their plane, like a door in a facade.
     file   : drawing, DXF or 3DM; relative paths start at the preset's folder, in Python at the current folder.
     layer  : layer of the curves; by default all layers.    unit : unit of the file's numbers; by default its own unit.
     curves : points of polygons, used in place of a file, metres.
-    depth  : distance to both sides of the curves' plane, metres. By default, horizontal curves have no limit, and
-             other curves reach only the nearest part of the surface.
-    Raises OutlineError if both or neither of `file` and `curves` are set."""
+    depth  : largest distance from the curves' plane, metres. By default, horizontal curves have no limit, and
+             other curves select only the nearest part of the surface.
+    Raises OutlineError unless exactly one of `file` and `curves` is set."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     file: Path | None = None
@@ -179,7 +178,7 @@ class ClosedCurves:
             raise OutlineError("layer and unit need a file; curves without a file are in metres")
 
     def loops(self) -> tuple[Floats, ...]:
-        """Return the curves (k, 3), metres; raises SurfaceError as `closed_curves` does."""
+        """Return the points (k, 3) of each curve, metres. For a file, raises SurfaceError as `closed_curves` does."""
         if self.file is not None:
             return closed_curves(self.file, self.layer, self.unit)
         return tuple(np.array(curve, dtype=np.float64) for curve in self.curves or ())
@@ -200,13 +199,13 @@ class ClosedCurves:
         return Extent.union([plane.extent(surface, self.depth) for plane in planes])
 
     def vertices(self, surface: Surface) -> Bools:
-        """Mark the picked vertices (n,). Raises SurfaceError if no vertex is picked, and for invalid outlines."""
+        """Return a mask (n,) of the picked vertices; raises SurfaceError without vertices, and for invalid outlines."""
         return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
 
 
 @dataclass(frozen=True)
 class Brush:
-    """The space of brush strokes: all within `radius` (metres) of the polyline through the points.
+    """Picker of the space within `radius` (metres) of a polyline through `points`, like the stroke of a brush.
     A new stroke begins where two consecutive points are more than two radii apart."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -227,12 +226,12 @@ class Brush:
         return Extent(depth, np.empty((0, 2, 3)), radius)
 
     def vertices(self, surface: Surface) -> Bools:
-        """Mark the picked vertices (n,); raises SurfaceError if no vertex is picked."""
+        """Return a mask (n,) of the picked vertices; raises SurfaceError if no vertex is picked."""
         return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
 
 
 def check_polygon(P: Floats, name: str) -> None:
-    """Raise OutlineError if a polygon P (k, 2), metres, has zero area or if its sides cross. name : for the message."""
+    """Raise OutlineError if a polygon P (k, 2), metres, has no area or crosses itself. name : text for the message."""
     P = without_repeats(P)
     if len(P) < 3:
         raise OutlineError(f"{name} has {len(P)} different corners; give three or more")
@@ -248,7 +247,8 @@ def check_polygon(P: Floats, name: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Plane:
-    """A plane with curves in it: a point (3,), its axes (3, 3) with the normal as the last, and the curves (k, 3)."""
+    """A plane that contains closed curves. origin : (3,) point of the plane.    loops : curves, (k, 3) each.
+    axes : (3, 3) unit vectors; the last vector is the normal."""
 
     origin: Floats
     axes: Floats
@@ -284,7 +284,7 @@ class _Plane:
         return bool(np.abs(self.distances(loop)).max() < ONE_PLANE * size)
 
     def extent(self, surface: Surface, depth: float | None) -> Extent:
-        """Return the prism on both sides of the plane, normal to it. depth : height of the prism to each side of
+        """Return the prism over the curves, normal to the plane. depth : height of the prism on each side of
         the plane, metres; None: unlimited for horizontal curves, else only through the surface's nearest part."""
         loops, normal = [self.projected(loop) for loop in self.loops], self.axes[2]
         low, high = (-depth, depth) if depth else (-np.inf, np.inf)
@@ -302,8 +302,8 @@ class _Plane:
         return Extent(prism_depth, foot[:, None] + ends, min(_width(flat) for flat in loops))
 
     def _nearest_part(self, surface: Surface) -> tuple[float, float]:
-        """Return lower and upper end, metres from the plane, of a prism that contains only the surface's nearest part.
-        An end is infinite if nothing lies behind the nearest part on this side."""
+        """Return the lower and the upper height (m) of a prism that contains only the surface's nearest part.
+        Heights are measured from the plane. A height is infinite if no other part of the surface lies on its side."""
         reach, normal = np.abs(self.distances(surface.V)).max() + surface.size, self.axes[2]
         nearest_hits, behind = list[float](), list[float]()
         for p in self._sight_points():
@@ -335,7 +335,7 @@ def _width(P: Floats) -> float:
 
 
 def self_contained(picker: Any) -> Any:
-    """Return a picker that contains the curves in place of their file. A picker without a file stays unchanged.
+    """Return the picker with the points of its curves in place of the file. Other pickers stay unchanged.
     Raises SurfaceError as `closed_curves` does."""
     if not isinstance(picker, ClosedCurves) or picker.file is None:
         return picker
@@ -350,14 +350,14 @@ Picker = Annotated[
 
 
 def has_outline(picker: Picker) -> bool:
-    """Return True if a picker selects all vertices inside a part of space, so that a region has a smooth outline."""
+    """Return True if a picker selects all vertices in a part of space. Regions by these pickers have smooth edges."""
     return isinstance(picker, PlanPolygon | ClosedCurves | Brush | Ball | Box | Side) and not getattr(
         picker, "boundary", False
     )
 
 
 def extent_of(picker: Picker, surface: Surface) -> Extent | None:
-    """Return the part of space in which a picker selects all vertices; None for pickers that do not select by space.
+    """Return the part of space in which a picker selects all vertices; None for a picker without a part of space.
     Raises SurfaceError as `ClosedCurves.extent` does."""
     if isinstance(picker, PlanPolygon | ClosedCurves | Brush):
         return picker.extent(surface)
@@ -372,8 +372,8 @@ def extent_of(picker: Picker, surface: Surface) -> Extent | None:
 
 
 def edges_of(picker: Picker, surface: Surface) -> Bools:
-    """Mark the edges (e,) between picked vertices; only free edges for a picker of the boundary.
-    With a drawn outline, an edge counts only if its middle is inside, too. Raises SurfaceError as the picker does."""
+    """Return a mask (e,) of the edges between picked vertices. A picker of the boundary selects only free edges.
+    For a picker by outline, an edge's middle must also lie inside. Raises SurfaceError as the picker does."""
     picked, edges = picker.vertices(surface), surface.edges
     if isinstance(picker, VerticesLeft):
         return picker.edges(surface)

@@ -20,10 +20,10 @@ from dsfab.surface.topology import on_boundary
 
 @dataclass(frozen=True, eq=False)
 class Extent:
-    """A part of space, such as a box, in which vertices are picked or a region lies.
+    """A part of space, such as a box, that selects vertices or a region of the surface.
     depth   : function that returns the distance (k,) of points (k, 3) from the part's border, metres; negative outside.
     creases : (c, 2, 3) ends of the segments where two walls of the part meet, metres.
-    width   : about half the width of the part at narrow places, metres; the mesh must be finer."""
+    width   : about half the width of the part at narrow places, metres. Mesh edges near the border are shorter."""
 
     depth: Callable[[Floats], Floats]
     creases: Floats
@@ -67,8 +67,8 @@ class Extent:
 
 
 def pierced_faces(surface: Surface, a: Floats, b: Floats) -> tuple[Ints, Floats]:
-    """Return the faces (k,) that the segment from a to b (3,) meets, and the fraction (k,) of the segment, from a, at
-    which each face is met, ascending. Faces parallel to the segment do not count [Moeller and Trumbore 1997]."""
+    """Return the faces (k,) that the segment from a to b (3,) meets, in order, and their positions (k,) on the segment:
+    0 at a, 1 at b. Faces parallel to the segment do not count [Moeller and Trumbore 1997]."""
     P, Q, R = (surface.V[surface.F[:, k]] for k in range(3))
     ray, u, v = np.broadcast_to(b - a, P.shape), Q - P, R - P
     normal, to = cross(ray, v), a - P
@@ -98,19 +98,19 @@ class _HasPick(Protocol):
 
 @dataclass(frozen=True)
 class All:
-    """Every vertex of the surface."""
+    """Picker of all vertices of the surface."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pick: Literal["all"] = "all"
 
     def vertices(self, surface: Surface) -> Bools:
-        """Mark the picked vertices (n,)."""
+        """Return a mask (n,) of the picked vertices."""
         return np.ones(surface.n, dtype=bool)
 
 
 @dataclass(frozen=True)
 class Box:
-    """The vertices in or on a box, which is given by two opposite corners, metres.
+    """Picker of the vertices in or on a box between the opposite corners `min` and `max`, metres.
     relative : true if the corners are fractions of the surface's own box, 0 to 1 along each axis.
     boundary : true to pick only vertices of free edges."""
 
@@ -126,7 +126,7 @@ class Box:
         return _in_metres([self.min, self.max], surface, self.relative)
 
     def vertices(self, surface: Surface) -> Bools:
-        """Mark the picked vertices (n,); raises SurfaceError if the box is empty, or if min is beyond max."""
+        """Return a mask (n,) of the picked vertices; raises SurfaceError for an empty box, or for min beyond max."""
         low, high = self.corners(surface)
         if (low > high).any():
             raise SurfaceError(f"{picker_words(self)} has min beyond max; swap them")
@@ -138,9 +138,9 @@ class Box:
 
 @dataclass(frozen=True)
 class Ball:
-    """The vertices within `radius` of `center`, metres.
-    relative : true for relative numbers: `center` in fractions of the surface's box, 0 to 1 along each axis, and
-               `radius` as a fraction of the box's diagonal."""
+    """Picker of the vertices within `radius` of `center`, metres.
+    relative : true if `center` is in fractions of the surface's box, 0 to 1 along each axis, and `radius` is a
+               fraction of the box's diagonal."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     center: Vector
@@ -154,14 +154,14 @@ class Ball:
         return _in_metres([self.center], surface, self.relative)[0], self.radius * scale
 
     def vertices(self, surface: Surface) -> Bools:
-        """Mark the picked vertices (n,); raises SurfaceError if no vertex is picked."""
+        """Return a mask (n,) of the picked vertices; raises SurfaceError if no vertex is picked."""
         center, radius = self.metres(surface)
         return within_reach(self, surface, np.linalg.norm(surface.V - center, axis=1), radius)
 
 
 @dataclass(frozen=True)
 class Side:
-    """The vertices within `depth` metres of the surface's lowest or highest x, y or z; for depth 0, exactly at it.
+    """Picker of the vertices within `depth` metres of the surface's smallest or largest coordinate along `axis`.
     relative : true if the depth is a fraction of the surface's extent along the axis."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -176,7 +176,7 @@ class Side:
         return self.depth * (float(np.ptp(surface.V[:, "xyz".index(self.axis)])) if self.relative else 1.0)
 
     def vertices(self, surface: Surface) -> Bools:
-        """Mark the picked vertices (n,), at least one."""
+        """Return a mask (n,) of the picked vertices."""
         x = surface.V[:, "xyz".index(self.axis)]
         away = x - x.min() if self.end == "min" else x.max() - x
         return within_reach(self, surface, away, self.reach(surface))
@@ -184,7 +184,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The vertex nearest to each of some points, metres.
+    """Picker of the vertex nearest to each point of `points`, metres.
     relative : true if the points are fractions of the surface's box, 0 to 1 along each axis."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -197,7 +197,7 @@ class Nearest:
         return _in_metres(self.points, surface, self.relative)
 
     def vertices(self, surface: Surface) -> Bools:
-        """Mark the picked vertices (n,): for each point, the nearest vertex. Raises SurfaceError without points."""
+        """Return a mask (n,) of the vertices that are nearest to the points. Raises SurfaceError without points."""
         picked = np.zeros(surface.n, dtype=bool)
         for point in self.places(surface):
             picked[np.linalg.norm(surface.V - point, axis=1).argmin()] = True
@@ -206,10 +206,10 @@ class Nearest:
 
 @dataclass(frozen=True)
 class Boundary:
-    """The vertices of all free edges, of one boundary loop, or of a part of a loop.
-    loop   : number of the loop: 0 is the longest in metres, 1 the next.
-    points : places near the boundary, metres, in place of a number. One place picks the nearest loop. Three places pick
-             a part of the nearest loop: start, a place between, end."""
+    """Picker of the vertices of all free edges, of one boundary loop, or of a part of a loop.
+    loop   : "all", or the number of a loop: 0 is the longest loop in metres.
+    points : points near the boundary, metres, instead of `loop`. One point picks the nearest loop. Three points pick
+             a part of the nearest loop: start, a point between, end."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     loop: Literal["all"] | Annotated[int, Ge(0)] = "all"
@@ -224,7 +224,7 @@ class Boundary:
             )
 
     def vertices(self, surface: Surface) -> Bools:
-        """Mark the picked vertices (n,). Raises SurfaceError if the surface is closed or lacks loop number `loop`."""
+        """Return a mask (n,) of the picked vertices; raises SurfaceError for a closed surface or an unknown loop."""
         loops = surface.loops
         if not loops:
             raise SurfaceError(f"{picker_words(self)} picks no vertex: the surface is closed; use another picker")
@@ -239,7 +239,8 @@ class Boundary:
         return picked
 
     def _named_loop(self, surface: Surface) -> list[Ints]:
-        """Return the boundary loop nearest to the first point, or the part from first through second to third point."""
+        """Return the boundary loop nearest to the first point; with three points, only the part between the first
+        and the third point that contains the second point."""
         away = [np.linalg.norm(surface.V[loop] - self.points[0], axis=1).min() for loop in surface.loops]
         loop = surface.loops[int(np.argmin(away))]
         if len(self.points) == 1:
@@ -253,7 +254,7 @@ class Boundary:
 
 @dataclass(frozen=True)
 class Facing:
-    """The vertices whose normal is within `angle` degrees of `direction`."""
+    """Picker of the vertices with normals within `angle` degrees of `direction`."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     direction: Vector
@@ -261,7 +262,7 @@ class Facing:
     pick: Literal["facing"] = "facing"
 
     def vertices(self, surface: Surface) -> Bools:
-        """Mark the picked vertices (n,); raises SurfaceError if no vertex is picked."""
+        """Return a mask (n,) of the picked vertices; raises SurfaceError if no vertex is picked."""
         require_two_sides(surface, np.ones(surface.m, dtype=bool), picker_words(self))
         d, N = unit_vector(self.direction, picker_words(self)), surface.vertex_normals
         degrees = np.degrees(np.arctan2(np.linalg.norm(np.cross(N, d), axis=1), N @ d))
@@ -272,14 +273,14 @@ class Facing:
 
 @dataclass(frozen=True)
 class Vertices:
-    """Vertices by their indices, counted from 0."""
+    """Picker of the vertices with the given indices, counted from 0."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     indices: Annotated[tuple[Annotated[int, Ge(0)], ...], MinLen(1)]
     pick: Literal["vertices"] = "vertices"
 
     def vertices(self, surface: Surface) -> Bools:
-        """Mark the picked vertices (n,); raises SurfaceError for an index that the surface does not have."""
+        """Return a mask (n,) of the picked vertices; raises SurfaceError for an index that the surface lacks."""
         indices = np.array(self.indices, dtype=np.int64)
         bad = indices[(indices < 0) | (indices >= surface.n)]
         if len(bad):
@@ -294,19 +295,20 @@ class Vertices:
 
 @dataclass(frozen=True)
 class VerticesLeft(Vertices):
-    """Picked vertices that remain after voids are cut out. ends : (k, 2) edges between them, smaller index first."""
+    """Picked vertices that remain after voids are cut out.
+    ends : (k, 2) vertices of each edge between picked vertices, smaller index first."""
 
     ends: tuple[tuple[int, int], ...] = ()
 
     def edges(self, surface: Surface) -> Bools:
-        """Mark the edges (e,) of the surface that are listed in `ends`."""
+        """Return a mask (e,) of the edges of the surface that are listed in `ends`."""
         table = surface.edges.ends
         ends = np.array(self.ends, dtype=np.int64).reshape(-1, 2)
         return np.isin(table[:, 0] * surface.n + table[:, 1], ends[:, 0] * surface.n + ends[:, 1])
 
 
 def unit_vector(direction: Vector, whose: str) -> Floats:
-    """Return a direction (3,) with length 1. Raises SurfaceError for a zero vector. whose : owner, for the message."""
+    """Return a direction (3,) with length 1. Raises SurfaceError for a zero vector. whose : text for the message."""
     d = np.array(direction, dtype=np.float64)
     length = np.linalg.norm(d)
     if not np.isfinite(length) or length == 0:
@@ -321,8 +323,8 @@ def _in_metres(points: Sequence[Vector], surface: Surface, relative: bool) -> Fl
 
 
 def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
-    """Mark the vertices (n,) whose distances `away` (n,) are at most `reach`, metres.
-    Raises SurfaceError if no vertex is marked. picker : for the message."""
+    """Return a mask (n,) of the vertices with distances `away` (n,) of at most `reach`, metres.
+    Raises SurfaceError with the name of the picker if no vertex is marked."""
     picked = away <= reach + PICKER_TOLERANCE * surface.size
     return _require_picked(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m out of reach")
 

@@ -1,7 +1,7 @@
-"""`PatternRegion`: a region of the surface, `[[pattern.region]]` in a preset: solid, void, or with a solid band.
+"""`PatternRegion`: a part of the surface that is solid, is a hole (void), or has a solid strip along its edge.
 
-dsfab cuts the mesh along the outlines of regions before any analysis. A void is a hole in the surface for all later
-stages."""
+Presets list regions as `[[pattern.region]]`. dsfab cuts the mesh along the outlines of regions before any analysis.
+All later stages work on the surface without voids."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -26,12 +26,12 @@ class RegionError(SurfaceError, ValueError):
 
 @dataclass(frozen=True)
 class PatternRegion:
-    """A part of the surface with its own treatment.
+    """A part of the surface that is solid, is a hole, or has a solid strip along its edge.
 
-    at    : picker that selects the region. A region by plan, curve, brush, ball, box or side has a smooth edge.
-            The edge of any other region is halfway between picked and unpicked vertices.
-    do    : "keep": a solid region. "void": a hole. "rim": a solid band along the inside of the region's edge.
-    width : width of the band, metres; by default pattern.rim, else 1/8 of the region's width.
+    at    : picker (selection of vertices). The pickers plan, curve, brush, ball, box and side give a smooth edge.
+            With any other picker, the region's edge is halfway between picked and unpicked vertices.
+    do    : "keep": a solid region. "void": a hole. "rim": a solid strip along the inside of the region's edge.
+    width : width of the strip, metres; by default pattern.rim, else 1/8 of the region's width.
     name  : text for messages.
 
     Raises RegionError for a `width` without do = "rim", and for do = "rim" in a region without a smooth edge."""
@@ -52,12 +52,13 @@ class PatternRegion:
             )
 
     def faces(self, surface: Surface) -> Bools:
-        """Mark the region's faces (m,) on a surface with edges along the outline. Raises SurfaceError as `at` does."""
+        """Return a mask (m,) of the region's faces on a surface with edges along the outline.
+        Raises SurfaceError if the picker `at` raises it."""
         extent = extent_of(self.at, surface)
         return surface.faces_of(self.at.vertices(surface)) if extent is None else extent.depth(surface.centroids) > 0
 
     def cut_as(self, region: "PatternRegion") -> bool:
-        """Return whether this region and `region` cut the same lines and the same holes into a surface."""
+        """Return True if this region and `region` cut the surface along the same outline and remove the same faces."""
         return (self.at, self.do == "void") == (region.at, region.do == "void")
 
 
@@ -68,7 +69,7 @@ def region_key(regions: Sequence[PatternRegion], k: int) -> str:
 
 class RegionedSurface(NamedTuple):
     """A surface that is cut along the outlines of regions. Voids are regions without material.
-    surface  : the surface without voids.    whole : the surface with the faces in voids.
+    surface  : the surface without voids.    whole : the surface before voids are removed.
     taken    : (k,) area that each region removes, m2; 0 for regions that are no voids.
     vertices : (n,) index in `whole` of each vertex of `surface`."""
 
@@ -79,7 +80,8 @@ class RegionedSurface(NamedTuple):
 
 
 def with_regions(surface: Surface, regions: Sequence[PatternRegion]) -> RegionedSurface:
-    """Cut a surface along the outlines of regions, and remove the voids. In `whole`, the old vertices come first.
+    """Cut a surface along the outlines of regions, and remove the voids.
+    The vertices of `surface` come first in the result's `whole`.
     Raises SurfaceError for a region that misses the surface, and if voids remove all faces."""
     extents, nothing = _extents(surface, regions), np.zeros(surface.n, dtype=bool)
     outlined = OutlinedSurface(surface, nothing, nothing)

@@ -48,7 +48,7 @@ def support_names(supports: Sequence[_Support]) -> list[str]:
 
 
 def load_names(loads: Sequence[_Load]) -> list[str]:
-    """Return the names of loads. A load without a name gets its kind, with a number if there are several: 'snow 2'."""
+    """Return the names of loads. A load without a name gets its kind; several loads of a kind get numbers: 'snow 2'."""
     kinds = [load.kind.replace("_", " ") for load in loads]
     several = Counter(kind for kind, load in zip(kinds, loads, strict=True) if not load.name)
     numbers = {kind: count(1) for kind in several}
@@ -67,9 +67,9 @@ class SupportError(SurfaceError, ValueError):
 
 @dataclass(frozen=True)
 class Support:
-    """Vertices that may not move: `[[surface.support]]  at = { pick = "side", axis = "z", end = "min" }  hold = "xyz"`.
+    """Supported vertices: `[[surface.support]]  at = { pick = "side", axis = "z", end = "min" }  hold = "xyz"`.
     hold   : letters of the axes along which the vertices are fixed; by default xyz, or none if a `spring` is set.
-    spring : total stiffness along x, y and z, newtons per metre, shared by the vertices in proportion to their areas.
+    spring : total stiffness along x, y and z, newtons per metre. Each vertex gets a part in proportion to its area.
     clamp  : true to prevent also the rotation of the picked edges about their own line.
     name   : text for lists of supports.
     Raises SupportError for a support without effect, a negative spring, or a spring along a fixed direction."""
@@ -108,7 +108,8 @@ class Support:
         return np.asarray(edges_of(self.at, surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
     def springs(self, surface: Surface) -> Floats:
-        """Return the stiffness (n, 3), N/m; the sum is `spring`. Raises SurfaceError for vertices without faces."""
+        """Return the spring stiffness (n, 3) of each vertex along x, y and z, N/m. The column sums are `spring`.
+        Raises SurfaceError for vertices without faces."""
         if self.spring is None:
             return np.zeros((surface.n, 3))
         share = np.where(self.at.vertices(surface), surface.vertex_areas, 0.0)
@@ -117,7 +118,8 @@ class Support:
         return np.asarray((share / share.sum())[:, None] * np.array(self.spring))
 
     def clamped_edges(self, surface: Surface) -> Bools:
-        """Mark the clamped edges (e,); raises SurfaceError if `clamp` is set but no edge has both ends picked."""
+        """Return a mask (e,) of the edges that may not rotate about their own line.
+        Raises SurfaceError if `clamp` is set but no edge has both ends picked."""
         if not self.clamp:
             return np.zeros(len(surface.edges.ends), dtype=bool)
         edges = surface.edges

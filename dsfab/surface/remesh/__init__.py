@@ -1,4 +1,4 @@
-"""Remeshing: even triangles of a wanted size on an unchanged surface [Botsch and Kobbelt 2004]."""
+"""Remeshing: nearly equilateral triangles of a wanted size on an unchanged surface [Botsch and Kobbelt 2004]."""
 
 from dsfab.surface.remesh.remeshing import remeshed_surface
 from dsfab.surface.remesh.sizes import SizeField, change_sizes

@@ -1,4 +1,4 @@
-"""Edge operations of remeshing: halving, collapse and flips."""
+"""Edge operations of remeshing: division in the middle, collapse and flip."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -41,7 +41,7 @@ class Net:
     """Mesh during remeshing: vertices V (n, 3), metres, and faces. Boundaries and creases are called curves.
     kind  : (n,) `FREE`, `ON_CURVE` or `FIXED`.    size : (n,) wanted edge length at each vertex, metres.
     node  : (k,) the vertices along curves.    curve : (k,) the curve of each node.
-    at    : (k,) position of each node along `FeatureCurves`, metres."""
+    at    : (k,) arc length at each node, as in `FeatureCurves`, metres."""
 
     V: Floats
     faces: NetFaces
@@ -53,7 +53,7 @@ class Net:
 
     @classmethod
     def from_surface(cls, surface: Surface, curves: FeatureCurves, size: float) -> Self:
-        """Return the surface's own mesh as a `Net`. size : wanted edge length, metres."""
+        """Return the mesh of a surface, unchanged, as a `Net`. size : wanted edge length, metres."""
         kind = np.full(surface.n, FREE)
         kind[curves.vertex] = ON_CURVE
         kind[curves.fixed] = FIXED
@@ -80,7 +80,7 @@ class Net:
 
     @property
     def links(self) -> Ints:
-        """Indices (l,) of nodes (vertices along curves) that are followed by a node of the same curve."""
+        """Indices (l,) of the nodes (vertices along curves) at which an edge along a curve starts."""
         return np.flatnonzero(self.curve[1:] == self.curve[:-1])
 
     @property
@@ -101,7 +101,7 @@ class Net:
         return marks
 
     def without_unused(self) -> "Net":
-        """Return the net without unused vertices."""
+        """Return the mesh without vertices that no face uses."""
         used = np.zeros(self.n, dtype=bool)
         used[self.F] = True
         if used.all():
@@ -112,10 +112,10 @@ class Net:
 
 
 def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) -> Bools:
-    """Mark the candidates (c,) that cost less than every other candidate at the same vertices.
-    touched : (c, k) vertices that each candidate changes.    n : number of vertices.
-    cost    : (c,) cost of each candidate; a hash decides between similar costs [Knuth 1973].
-    edges   : (e, 2) edges, to compare also candidates at neighbouring vertices."""
+    """Return a mask (c,) of the mesh operations that are cheaper than all operations at the same vertices.
+    touched : (c, k) vertices that each operation changes.    n : number of vertices.
+    cost    : (c,) cost of each operation; a hash decides between similar costs [Knuth 1973].
+    edges   : (e, 2) edges, to compare also operations at neighbouring vertices."""
     if not len(cost):
         return np.zeros(0, dtype=bool)
     spread = np.ptp(cost)
@@ -128,7 +128,7 @@ LONGEST = 4 / 3  # Edges longer than this multiple of their wanted length are ha
 
 
 def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Return the net with long edges halved once. edge : longest wanted edge length, metres."""
+    """Return the mesh with long edges divided in the middle, once. edge : longest wanted edge length, metres."""
     length = edge_lengths(net.V, net.edges.ends)
     deviation, positions = curves.deviation(net.at[net.links], net.at[net.links + 1])
     missing = deviation > TOLERANCE * edge
@@ -179,7 +179,7 @@ SHORTEST = 4 / 5  # Edges shorter than this share of their wanted length are col
 
 @dataclass(frozen=True, eq=False)
 class _Collapses:
-    """Vertices (c,) that merge with other vertices."""
+    """Pairs of vertices (c,) that merge: vertex `gone` into vertex `kept`, at the point `goal` (c, 3), metres."""
 
     kept: Ints
     gone: Ints
@@ -190,7 +190,7 @@ class _Collapses:
 
 
 def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, batches: int = 12) -> Net:
-    """Return the net with short edges collapsed. edge : longest wanted edge length, metres."""
+    """Return the mesh with short edges collapsed. edge : longest wanted edge length, metres."""
     for batch in range(batches):
         collapses, cost = _candidates(net, curves, edge, backwards=batch % 2 == 1)
         pairs = np.stack([collapses.kept, collapses.gone], axis=1)
@@ -285,7 +285,7 @@ LEAST_ANGLE = np.radians(25)  # Radians. A flip must not reduce the smallest ang
 
 
 def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
-    """Flip edges that are not on curves, in up to `rounds` rounds.
+    """Return the mesh with flipped edges. Edges on boundaries and creases do not flip.
     by_valence : True for about six edges at each vertex, False for Delaunay triangles."""
     angles = np.empty(0) if by_valence else _face_angles(net.V, net.F)
     for _ in range(rounds):
@@ -344,7 +344,7 @@ def _sound(V: Floats, quad: Ints) -> Bools:
 
 
 def angles_at(V: Floats, apex: Ints, first_end: Ints, second_end: Ints) -> Floats:
-    """Return the angles (q,) at vertices `apex` (q,) between the directions to two vertices, radians."""
+    """Return the angles (q,), radians, at vertices `apex` between the directions to `first_end` and `second_end`."""
     u, v = V[first_end] - V[apex], V[second_end] - V[apex]
     x, y, z = u.T
     r, s, t = v.T
@@ -373,12 +373,12 @@ def with_ears_flipped(surface: Surface) -> Surface:
 
 
 LOW = 1 / 8
-"""Largest height of a low border face / length of its border edge. The normals of low faces have large errors."""
+"""Largest height of a low face at the border, divided by its border edge. Normals of low faces have large errors."""
 
 
 def without_rim_slivers(surface: Surface, smooth: bool = False) -> Surface:
     """Return the surface without very thin faces at the border, which have wrong normals.
-    smooth : also collapse faces lower than `LOW` times the border edge, at a curved border."""
+    smooth : at a curved border, also collapse faces lower than `LOW` times their border edge."""
     chosen, _, _, tip = _low_border_faces(surface, TOLERANCE)
     chosen = chosen[np.unique(tip, return_index=True)[1]]  # remove only one face at each vertex
     surface = Surface(surface.V, np.delete(surface.F, chosen, axis=0)) if len(chosen) else surface
@@ -389,7 +389,8 @@ def without_rim_slivers(surface: Surface, smooth: bool = False) -> Surface:
 
 
 def _low_border_faces(surface: Surface, ratio: float) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return low border faces (c,), lowest first, both ends (c,), (c,) of border edges, and third corners (c,)."""
+    """Return the faces (c,) at the border that are lower than `ratio` times their border edge, lowest first.
+    Return also the first and second end (c,) of the border edges, and the faces' third corners (c,)."""
     V, F, edges = surface.V, surface.F, surface.edges
     bare = edges.boundary[edges.of].reshape(-1, 3)
     side = bare.argmax(axis=1)  # the border edge starts at corner `side`
@@ -403,14 +404,14 @@ def _low_border_faces(surface: Surface, ratio: float) -> tuple[Ints, Ints, Ints,
 
 
 def _collapsed_tips(surface: Surface) -> Ints | None:
-    """Return the vertex (n,) onto which each vertex merges; None if no merge."""
+    """Collapse the tips of low border faces: return each vertex's new index (n,), or None without a collapse."""
     V, F, edges, n = surface.V, surface.F, surface.edges, surface.n
     faces, a, b, tip = _low_border_faces(surface, LOW)
     to_a, to_b = (edge_lengths(V, np.stack([tip, end], axis=1)) for end in (a, b))
     end = np.where(to_a < to_b, a, b)
     sharp = sharp_edges(surface)
     creased = np.bincount(edges.ends[sharp].ravel(), minlength=n)
-    by_tilt = sharp[edges.of.reshape(-1, 3)[faces]].sum(axis=1)  # number of creases that the low face's tilt causes
+    by_tilt = sharp[edges.of.reshape(-1, 3)[faces]].sum(axis=1)  # number of the low face's edges that are creases
     turn, explained = _border_turns(surface, faces, a, b, tip)
     fits = (creased[tip] <= by_tilt) & explained
     fits &= ((V[tip] > V.min(axis=0)) & (V[tip] < V.max(axis=0))).all(axis=1) | (np.ptp(V, axis=0) == 0).any()
@@ -435,7 +436,8 @@ def _collapsed_tips(surface: Surface) -> Ints | None:
 
 
 def _border_turns(surface: Surface, faces: Ints, a: Ints, b: Ints, tip: Ints) -> tuple[Floats, Bools]:
-    """Return the angle (c,), radians, of the border at low faces, and True (c,) where this bend explains the height."""
+    """Return the angle (c,) by which the border bends at low faces, radians.
+    Return also a mask (c,) of the faces with a height that this bend explains."""
     V, F, edges = surface.V, surface.F, surface.edges
     weighted = np.zeros((surface.n, 3))
     rest = np.delete(np.arange(len(F)), faces)

@@ -1,4 +1,4 @@
-"""Boundaries, creases and corners as curves."""
+"""Boundaries, creases and corners of a surface, as curves."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,13 +13,13 @@ from dsfab.surface.topology import link_components
 
 TOLERANCE = 1 / 50  # Largest move of boundaries and creases, in edge lengths.
 CORNER = 30.0  # Least bend of a curve at a corner, degrees.
-DULL = 0.6 * CREASE  # A short crease is dropped if the mean normals beside it differ by less (degrees).
+DULL = 0.6 * CREASE  # Least angle between the mean normals beside a short crease, degrees.
 FINE = 1 / 80  # Largest radius for averaging a scan's normals, divided by the diagonal of its box.
 
 
 class SmoothVertices(NamedTuple):
-    """Vertices (k,) where two edges of a line meet.    edges : (k, 2) indices of the edges.
-    turn : (k,) bend of the line, radians.    arm : (k,) length of the shorter edge."""
+    """Vertices (k,) where exactly two edges of a curve meet.    edges : (k, 2) indices of the two edges.
+    turn : (k,) angle between the edges' directions, radians.    arm : (k,) length of the shorter edge, metres."""
 
     vertex: Ints
     edges: Ints
@@ -42,7 +42,7 @@ def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
 
 
 def design_features(surface: Surface, edge: float) -> Bools:
-    """Mark the edges (e,) on boundaries, seams and creases, without short, slight creases.
+    """Return a mask (e,) of the edges on boundaries, seams and creases. Short creases with small angles do not count.
     edge : wanted edge length of a new mesh, metres."""
     sharp = sharp_edges(surface)
     marks = border_edges(surface) | sharp
@@ -83,11 +83,10 @@ def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class FeatureCurves:
-    """The boundaries and creases of a surface as curves. All curves share an axis of arc length.
-    points : (p, 3) the vertices along all curves, metres.
-    at     : (p,) position of each point on the axis, metres.
-    curve, vertex : (p,) curve of each point, and vertex of the surface.
-    fixed  : (q,) vertices of the surface that stay."""
+    """The boundaries and creases of a surface as curves. Arc length continues from each curve to the next.
+    points : (p, 3) the vertices along all curves, metres.    at : (p,) arc length at each point, metres.
+    curve, vertex : (p,) number of each point's curve, and index of the surface's vertex.
+    fixed  : (q,) vertices of the surface that may not move."""
 
     points: Floats
     at: Floats
@@ -96,22 +95,22 @@ class FeatureCurves:
     fixed: Ints
 
     def place(self, positions: Floats) -> Floats:
-        """Return the points (k, 3) of the curves at positions (k,) on the axis, metres."""
+        """Return the points (k, 3) of the curves at arc lengths `positions` (k,), metres."""
         k = np.clip(np.searchsorted(self.at, positions, side="right"), 1, len(self.at) - 1)
         t = np.clip((positions - self.at[k - 1]) / (self.at[k] - self.at[k - 1]), 0, 1)[:, None]
         return (1 - t) * self.points[k - 1] + t * self.points[k]
 
     def points_between(self, start: Floats, end: Floats) -> tuple[Ints, Ints]:
-        """Return pairs (j,), (j,): index of an interval, and index of a curve point in this interval.
-        start, end : (k,) ends of the intervals on the axis, metres."""
+        """Return pairs (j,), (j,): index of an interval of arc length, and index of a point in this interval.
+        start, end : (k,) ends of the intervals, metres."""
         low, high = np.searchsorted(self.at, start, side="right"), np.searchsorted(self.at, end, side="left")
         count = np.maximum(high - low, 0)
         which = np.repeat(np.arange(len(start)), count)
         return which, np.arange(len(which)) - (np.cumsum(count) - count)[which] + low[which]
 
     def deviation(self, start: Floats, end: Floats) -> tuple[Floats, Floats]:
-        """Return the largest distance (k,) of the curve from each chord, and the position (k,) of this distance.
-        start, end : (k,) ends of the chords on the axis of arc length, metres."""
+        """Return the largest distance (k,) of the curve from each chord, and the arc length (k,) at this distance.
+        start, end : (k,) arc lengths at the ends of the chords, metres."""
         which, point = self.points_between(start, end)
         distance = distances_from_segments(self.points[point], self.place(start)[which], self.place(end)[which])
         largest = np.zeros(len(start))
@@ -123,7 +122,7 @@ class FeatureCurves:
 
 
 def feature_curves(surface: Surface, edge: float) -> FeatureCurves:
-    """Return the boundaries, creases and seams of a surface, without short, slight creases.
+    """Return the boundaries, creases and seams of a surface. Short creases with small angles do not count.
     edge : wanted edge length of a new mesh, metres."""
     ends = surface.edges.ends[design_features(surface, edge)]
     extremes = np.concatenate([surface.V.argmin(axis=0), surface.V.argmax(axis=0), surface.pinches])

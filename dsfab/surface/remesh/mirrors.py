@@ -32,7 +32,8 @@ def centroid(surface: Surface) -> Floats:
 
 
 def round_axis(surface: Surface, axes: Floats) -> Floats | None:
-    """Return the first of `axes` (3, 3) with nearly equal second moments along both others, or None."""
+    """Return the first axis of `axes` (3, 3) for which the area's second moments along the two further axes are
+    nearly equal. Return None without such an axis."""
     x = surface.centroids - centroid(surface)
     inertia = [float(surface.areas @ (x @ axis) ** 2) for axis in axes]
     for k in range(3):
@@ -43,14 +44,16 @@ def round_axis(surface: Surface, axes: Floats) -> Floats | None:
 
 
 def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
-    """Return unit vectors (k, 3) to the farthest of the points x (n, 3). count : least number k."""
+    """Return unit vectors (k, 3) from the origin to the farthest of the points x (n, 3).
+    count : least number k of vectors.    size : size of the surface, in the unit of x."""
     distance = lengths(x)
     farthest = np.flatnonzero(distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * size)
     return np.asarray(x[farthest] / distance[farthest, None])
 
 
 def planes_through(axis: Floats, directions: Floats) -> Iterator[Floats]:
-    """Yield normals (3,) of possible mirror planes through an axis. directions : (d, 3), mirrored onto each other."""
+    """Yield normals (3,) of possible mirror planes through an axis.
+    directions : (d, 3) unit vectors that the mirrors must map onto each other."""
     for direction in directions[:24]:
         for through in (directions[0] + direction, np.cross(axis, directions[0] + direction)):
             if (length := np.linalg.norm(through)) > INERTIA_TOLERANCE:
@@ -82,9 +85,8 @@ MOST_SIDES = 16  # Largest number of mirrored sectors around an axis; with more 
 @dataclass(frozen=True, eq=False)
 class Mirrors:
     """A group of mirrors through the middle of a surface.
-    centre  : (3,) point that lies in all mirror planes, metres.
-    normals : (k, 3) unit normals of all mirrors.
-    group   : (g, 3, 3) mirrors and rotations, the identity first."""
+    centre : (3,) point that lies in all mirror planes, metres.    normals : (k, 3) unit normals of all mirrors.
+    group   : (g, 3, 3) reflections and rotations, the identity first."""
 
     centre: Floats
     normals: Floats
@@ -92,9 +94,9 @@ class Mirrors:
 
     @classmethod
     def from_surface(cls, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Self | None:
-        """Return the mirrors of a surface; None without mirrors, or for a surface that is not oriented.
+        """Return the mirror planes of a surface; None without mirror planes, or for a surface that is not oriented.
         edge   : edge length of the new mesh, metres.
-        smooth : True to compare a smooth surface through the vertices."""
+        smooth : True to test the smooth surface through the vertices, False to test the flat faces."""
         if len(misoriented_edges(nearest_on.surface.F, nearest_on.surface.edges)):
             return None
         look = _MirrorTest(nearest_on.surface, nearest_on, edge, smooth)
@@ -124,7 +126,7 @@ class _MirrorTest:
 
     @cached_property
     def places_on(self) -> Callable[[Floats], tuple[Floats, Floats]]:
-        """Function from points (k, 3) to the nearest points (k, 3) of the surface and normals (k, 3)."""
+        """Function of points (k, 3) that returns the nearest points (k, 3) of the surface, and the normals (k, 3)."""
         surface, find = self.surface, self.find
         patches = SmoothPatches(surface) if self.smooth else None
 
@@ -224,7 +226,7 @@ PLANE_TOLERANCE = 1e-3  # Tolerance, in edge lengths, for vertices on mirror pla
 @dataclass(frozen=True, eq=False)
 class Chamber:
     """The part of a surface (`whole`) on one side of all mirror planes.
-    toward : (k, 3) unit normals of the planes, towards the part.    edge : edge length of the new mesh, metres."""
+    toward : (k, 3) unit normals of the planes, pointing to the part.    edge : edge length of the new mesh, metres."""
 
     whole: Surface
     mirrors: Mirrors
@@ -233,7 +235,7 @@ class Chamber:
 
     @classmethod
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """Return the part of a surface between mirrors."""
+        """Return the part of a surface on one side of all mirror planes."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 
@@ -261,7 +263,7 @@ class Chamber:
         return moved
 
     def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
-        """Join mirrored copies of a part V (p, 3), F; return the whole surface, and each vertex's index in V (n,).
+        """Join mirrored copies of a part V (p, 3), F. Return the whole surface, and each vertex's index (n,) in V.
         Return None if the topology would change."""
         n, centre = len(V), self.mirrors.centre
         images = [(V - centre) @ R.T + centre for R in self.mirrors.group]

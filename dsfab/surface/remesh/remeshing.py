@@ -61,7 +61,7 @@ def remeshed_surface(
         return by_sides
     net = _net(nearest_to, sizes, edge)
     direct = Surface(_on_smooth_surface(net, nearest_to).V if smooth else net.V, net.F)
-    # the mirrored mesh can be worse, because a mirror plane along a pointed tip halves the angle of the tip
+    # the mirrored mesh can be worse: a mirror plane along a pointed tip halves the tip's angle
     return by_sides if by_sides and _smallest_angle(by_sides) > 0.9 * _smallest_angle(direct) else direct
 
 
@@ -70,7 +70,7 @@ def _smallest_angle(surface: Surface) -> float:
 
 
 def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
-    """Return the surface, remeshed on one side of mirrors and copied, or None."""
+    """Remesh one side of the surface's mirror planes, and copy the mesh to all sides. None if this is impossible."""
     surface = nearest_on.surface
     mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
     chamber = Chamber.from_mirrors(surface, mirrors, edge) if mirrors else None
@@ -177,9 +177,11 @@ def _check(surface: Surface, edge: float, finest: float) -> None:
     if not (np.isfinite(edge) and edge > 0):
         raise SurfaceError(f"the edge length {edge} for remeshing must be a positive length in metres")
     if not (np.isfinite(finest) and 0 <= finest <= edge):
-        raise SurfaceError(f"the finest edge, {finest} m, must lie between 0 and the edge, {edge:g} m")
+        raise SurfaceError(f"the finest edge length, {finest} m, must lie between 0 and the edge length, {edge:g} m")
     if edge > surface.size:
-        raise SurfaceError(f"edges of {edge:g} m are longer than the surface, {surface.size:.3g} m; use shorter edges")
+        raise SurfaceError(
+            f"edges of {edge:g} m are longer than the surface, whose size is {surface.size:.3g} m; use shorter edges"
+        )
     if fault := repeated_face_fault(surface.F):
         raise SurfaceError(f"{fault}; remove the repeated faces")
     if fault := crowded_edge_fault(surface.edges):

@@ -89,9 +89,9 @@ CHORD_SHARES = 0.85 ** np.arange(19)  # Trial lengths of a curve's chords, as fr
 
 
 def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | float) -> Net:
-    """Return the net with wanted edge lengths.
+    """Return the mesh with a wanted edge length at each vertex.
     chords : (p,) largest edge lengths at the points of the curves (boundaries, creases), metres.
-    base   : (n,) or a number, largest edge lengths, metres."""
+    base   : largest edge lengths, metres: (n,) at the vertices, or a number."""
     size = np.broadcast_to(np.asarray(base, dtype=np.float64), (net.n,)).copy()
     edge = float(size.max())
     least = LEAST * edge
@@ -106,7 +106,7 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
 
 
 def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
-    """Return edge lengths (n,), metres, reduced until lengths grow by at most `GRADE` per metre along edges."""
+    """Return the wanted edge lengths `size` (n,), metres, reduced to grow by at most `GRADE` per metre along edges."""
     length = GRADE * edge_lengths(V, ends)
     a, b = ends.T
     while True:
@@ -119,7 +119,7 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
 
 
 def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
-    """Return vertices at narrow places, the widths there (m), and the growth of the widths per metre."""
+    """Return groups of narrow places: vertices (k,), widths (k,), metres, and growth (k,) of the width per metre."""
     constrained, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)
     is_along = along[edges.of]
@@ -155,7 +155,8 @@ def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
 
 
 def _corners(net: Net) -> tuple[Ints, Floats]:
-    """Return the two end corners (n, 2) of the curve through each vertex, or -1, and their distances (n, 2)."""
+    """Return the two end vertices (n, 2) of the boundary or crease through each vertex; -1 without a curve.
+    Return also the arc lengths (n, 2) from each vertex to these ends, metres."""
     corner, distances = np.full((net.n, 2), -1), np.zeros((net.n, 2))
     ends = np.searchsorted(net.curve, net.curve), np.searchsorted(net.curve, net.curve, side="right") - 1
     for i, end in enumerate(ends):
@@ -167,7 +168,8 @@ def _corners(net: Net) -> tuple[Ints, Floats]:
 
 
 def chord_lengths(curves: FeatureCurves, edge: float) -> Floats:
-    """Return the longest edge length (p,), metres, at each point of the curves, at most `edge`."""
+    """Return the longest edge length (p,) at each point for chords that stay close to the curves, metres.
+    edge : upper limit of these lengths, metres."""
     longest = np.full(len(curves.at), edge * CHORD_SHARES[-1])
     open_ = np.arange(len(curves.at))
     is_last = np.append(np.diff(curves.curve) > 0, True) if len(curves.at) else np.zeros(0, dtype=bool)

@@ -1,4 +1,4 @@
-"""Smooth patches through the vertices of a mesh, and moves of vertices for even triangles."""
+"""Smooth patches through the vertices of a mesh, and moves of vertices that make triangles nearly equilateral."""
 
 from dataclasses import replace
 from functools import cached_property
@@ -27,7 +27,7 @@ class SmoothPatches:
         self._controls = _controls(surface.V[surface.F], normals, features[surface.edges.of])
 
     def points(self, face: Ints, place: Floats) -> Floats:
-        """Return points (k, 3) of the patches, metres. place : (k, 3) points of the flat faces (k,), metres."""
+        """Return the points (k, 3) of the patches over points `place` (k, 3) of flat faces (k,), metres."""
         P = self._V[self._F[face]]
         b = barycentric(P, place)
         controls = self._controls[face]
@@ -41,7 +41,7 @@ class SmoothPatches:
 
 
 def barycentric(P: Floats, place: Floats) -> Floats:
-    """Return the barycentric coordinates (k, 3) of places (k, 3) in triangles P (k, 3 corners, 3)."""
+    """Return the barycentric coordinates (k, 3) of points `place` (k, 3) in triangles P (k, 3 corners, 3)."""
     areas = np.stack(
         [lengths(np.cross(P[:, (c + 1) % 3] - place, P[:, (c + 2) % 3] - place)) for c in range(3)], axis=1
     )
@@ -67,7 +67,7 @@ def _corner_normals(surface: Surface, features: Bools) -> Floats:
 
 
 class NearestOnSurface:
-    """Search for the nearest places on a surface."""
+    """Search for the nearest points of a surface."""
 
     def __init__(self, surface: Surface) -> None:
         self.surface = surface
@@ -79,7 +79,7 @@ class NearestOnSurface:
         return tree
 
     def __call__(self, points: Floats) -> tuple[Ints, Floats]:
-        """Return the faces (k,) nearest to points (k, 3), and the places (k, 3) on them, metres."""
+        """Return the faces (k,) nearest to points (k, 3), and the nearest points (k, 3) of these faces, metres."""
         if not len(points):
             return np.zeros(0, dtype=np.int64), points
         _, face, place = self._tree.squared_distance(self.surface.V, self.surface.F, np.ascontiguousarray(points))
@@ -87,7 +87,7 @@ class NearestOnSurface:
 
 
 def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Return a net with vertices moved for even triangles. edge : wanted edge length, metres."""
+    """Return the mesh with vertices moved to make triangles nearly equilateral. edge : wanted edge length, metres."""
     V, F, n = net.V, net.F, net.n
     doubled = area_vectors(V, F)
     weight = lengths(doubled) / net.size[F].mean(axis=1) ** 2
@@ -104,7 +104,7 @@ def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def with_vertices_on(net: Net, nearest: NearestOnSurface) -> Net:
-    """Return the net with the free vertices moved onto the surface of `nearest`."""
+    """Return the mesh with all vertices off boundaries and creases moved onto the surface of `nearest`."""
     goal, free = net.V.copy(), np.flatnonzero(net.kind == FREE)
     goal[free] = nearest(net.V[free])[1]
     return with_vertices_at(net, goal, net.at)
@@ -132,12 +132,12 @@ def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
 
 
 def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
-    """Return the net with vertices at new places `goal` (n, 3), metres.
-    A vertex stays where it is if its move would rotate a face by over 60 degrees.
+    """Return the mesh with vertices moved to points `goal` (n, 3), metres.
+    A vertex does not move if the move would rotate a face by over 60 degrees.
     positions : (k,) arc lengths, metres, of the vertices on boundaries and creases."""
     old_areas, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
-    retreats = 6  # after 6 rounds that move back single vertices, all vertices move back
+    retreats = 6  # rounds that put back single vertices; then all vertices go back
     for k in range(retreats + 1):
         new_areas = area_vectors(V, net.F[face])
         was = old_areas[face]

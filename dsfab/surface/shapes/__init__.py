@@ -1,4 +1,4 @@
-"""Surfaces by formula: shapes for tests, and models like those of Madan, Jacobson and Levin's paper.
+"""Surfaces from formulas: simple shapes for tests, and figures like the models in Madan, Jacobson and Levin's paper.
 `SHAPES` lists the shapes by name. All shapes are deterministic, in metres with z up and normals up or outward.
 Triangles are about `edge` metres wide."""
 
@@ -23,7 +23,7 @@ FIGURES: dict[str, Callable[..., Surface]] = {
     shape.__name__: shape
     for shape in (*(camel_head, duck_ring, mouse, climbing_hold, turkey, pirate), *(bridge, twisty_tower, boys_surface))
 }
-"""Shapes like the models in Madan, Jacobson and Levin's paper. dsfab remeshes each of them in a second or more."""
+"""Shapes like the models in Madan, Jacobson and Levin's paper. Each shape takes a second or more to mesh."""
 
 SHAPES: dict[str, Callable[..., Surface]] = {
     **{

@@ -41,7 +41,7 @@ def _above_ground(field: Field, k: float) -> Field:
 @shape
 def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
     """A camel's head on its neck. The open foot is in the plane z = 0.
-    height : from the foot to about the tips of the ears, metres."""
+    height : approximate height from the foot to the tips of the ears, metres."""
     neck = limb([(-0.26, 0, -0.15), (-0.25, 0, 0.06), (-0.17, 0, 0.3), (-0.09, 0, 0.55), (-0.05, 0, 0.74)],
         [0.165, 0.155, 0.135, 0.12, 0.11], 0.1)  # fmt: skip
     skull = ellipsoid((0.02, 0, 0.79), (0.17, 0.115, 0.105))
@@ -213,8 +213,7 @@ OPENINGS = (0.22, 0.5, 0.78)  # Heights of the tower's openings, as shares of it
 @shape
 def bridge(span: Length = 30.0, rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.13, edge: Length = 0.5) -> Surface:
     """A bridge along x, genus 0: a deck, an arch, and a wall between deck and arch, on z = 0.
-    span : length of the deck, metres.
-    rise : rise of the arch's underside, divided by the span."""
+    span : length of the deck, metres.    rise : rise of the arch's underside, divided by the span."""
     crown = rise + 0.075
 
     def deck(P: Floats) -> Floats:
@@ -280,7 +279,7 @@ LOWEST, HIGHEST = -0.4426307, 2.0  # Heights of the lowest points and of the pea
 
 @shape
 def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
-    """Boy's surface over the unit disc [Kusner 1987], on z = 0. The mesh is a disc, and the surface crosses itself."""
+    """Boy's surface over the unit disc [Kusner 1987], on z = 0. The surface crosses itself, with one boundary."""
     check_density(4 * height**2, edge)
     chart = BoyChart(height)
     rows = 24
@@ -309,7 +308,7 @@ class BoyChart:
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
         """Return the disc coordinates (k, 2) of surface points that move by about `step` (k, 3), metres.
-        X : (k, 2) disc coordinates before the move.    border : (k,) marks of points that stay on the unit circle."""
+        X : (k, 2) disc coordinates before the move.    border : (k,) mask of points that stay on the unit circle."""
         small = 1e-6
         places = self.place(X)
         J = np.stack([(self.place(X + small * e) - places) / small for e in np.eye(2)], axis=2)

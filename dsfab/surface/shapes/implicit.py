@@ -1,4 +1,4 @@
-"""Solids as implicit functions, and even triangles on their surfaces."""
+"""Solids as implicit functions, and meshes of nearly equilateral triangles on their surfaces."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -23,13 +23,13 @@ from dsfab.surface.shapes.meshing import check_density
 from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_boundary, smoothing_neighbours
 
 LONGEST, SHORTEST = 4 / 3, 4 / 5  # Edges over 4/3 of the wanted length are halved, edges under 4/5 collapse.
-ROUNDS, POLISH = 5, 10  # First 5 rounds add and remove vertices; then 10 rounds only flip edges and move vertices.
+ROUNDS, POLISH = 5, 10  # 5 rounds add and remove vertices; then 10 rounds only flip edges and move vertices.
 LEAST_TURN_COSINE = 0.3  # Cosine of the largest rotation of a face in one step, about 70 degrees.
 FOLDED = -0.5  # Largest cosine of the angle between the normals of two faces in a fold (120 degrees).
 
 
 class MeshChart(Protocol):
-    """A smooth surface with coordinates X (n, k)."""
+    """A smooth surface. X (n, k) are coordinates of n points of this surface."""
 
     def place(self, X: Floats) -> Floats:
         """Return the points (n, 3), metres, of the surface at coordinates X (n, k)."""
@@ -37,14 +37,14 @@ class MeshChart(Protocol):
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
         """Return the coordinates (n, k) of points moved by about `step` (n, 3), metres.
-        border : (n,) points that stay on the border."""
+        border : (n,) mask of points that stay on the border."""
         ...
 
 
 def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[Floats, Ints]:
     """Mesh a smooth surface with nearly equilateral triangles. Return vertices (n, 3), metres, and faces (m', 3).
-    edge : wanted edge length, metres. Raises SurfaceError.
-    X, F : (k, c) vertices, in the chart's coordinates, and (m, 3) faces of a first mesh (oriented manifold)."""
+    edge : wanted edge length, metres. Raises SurfaceError if `edge` is too long for the surface's details.
+    X, F : first mesh, an oriented manifold: (k, c) vertices in the chart's coordinates, and (m, 3) faces."""
     for round_ in range(ROUNDS):
         before = len(F)
         X, F = _split(chart, X, F, LONGEST * edge)
@@ -67,7 +67,7 @@ def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[F
 
 def _too_long(why: str) -> SurfaceError:
     # the message omits the length, because shapes are scaled later
-    return SurfaceError(f"the edge is too long for the shape's details ({why}); use a shorter edge")
+    return SurfaceError(f"the edge length is too large for the details of the shape ({why}); use a shorter edge")
 
 
 def _folds(V: Floats, F: Ints) -> int:
@@ -253,7 +253,8 @@ def smooth_minimum(a: Floats, b: Floats, k: float) -> Floats:
 
 
 def smooth_union(fields: Sequence[Field], k: float) -> Field:
-    """Unite solids, given as signed distances of points (q, 3), with fillets about k metres wide."""
+    """Return the union of solids with fillets about k metres wide.
+    Solids are functions of points (q, 3) that return signed distances (q,)."""
 
     def field(P: Floats) -> Floats:
         value = fields[0](P)
@@ -265,14 +266,14 @@ def smooth_union(fields: Sequence[Field], k: float) -> Field:
 
 
 def smooth_difference(field: Field, cut: Field, k: float) -> Field:
-    """Cut the solid `cut` out of the solid `field`; the edge is rounded by about k metres.
-    The solids are signed distances of points (q, 3)."""
+    """Return the solid `field` without the solid `cut`; the new edge is rounded by about k metres.
+    Solids are functions of points (q, 3) that return signed distances (q,)."""
     return lambda P: -smooth_minimum(-field(P), cut(P), k)
 
 
 def mirror_union(field: Field, axis: int = 1) -> Field:
-    """Unite the positive half of a solid along `axis` and its mirror image.
-    The solid is a signed distance of points (q, 3)."""
+    """Return the union of a solid's half on the positive side of `axis` and the mirror image of this half.
+    Solids are functions of points (q, 3) that return signed distances (q,)."""
 
     def field_of_both(P: Floats) -> Floats:
         Q = P.copy()
@@ -297,7 +298,7 @@ class LevelSet:
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
         """Return the points X + step (n, 3), metres, moved onto the surface.
-        border : (n,) points that keep z = floor."""
+        border : (n,) mask of points that stay at z = floor."""
         P = X + step
         down = border & (self.floor is not None)
         if self.floor is not None:
@@ -313,7 +314,7 @@ class LevelSet:
 
 
 def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None = None) -> Surface:
-    """Return the surface of a solid as a mesh of even triangles about `edge` metres wide, normals outward.
+    """Return the surface of a solid as a mesh of nearly equilateral triangles with edges of about `edge` metres.
     field     : approximate signed distance from the solid, metres, a function of points (q, 3).
     low, high : corners of a box around the solid, metres.
     floor     : height (m) of the border; None for a closed surface. Raises SurfaceError for a wrong `edge`."""

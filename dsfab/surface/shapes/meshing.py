@@ -36,7 +36,9 @@ def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
             with np.errstate(over="raise", divide="raise", invalid="raise"):
                 return function(*args, **kwargs)
         except (ArithmeticError, np.linalg.LinAlgError):
-            raise SurfaceError(f"{function.__name__}: the given lengths differ too much; make them similar") from None
+            raise SurfaceError(
+                f"{function.__name__}: the given lengths differ too much; make these lengths more similar"
+            ) from None
 
     return checked_shape
 
@@ -58,15 +60,15 @@ def _check(what: str, value: object, bound: object) -> None:
 
 
 def check_density(area: float, edge: float) -> None:
-    """Raise SurfaceError if a mesh of an area (m2) with this edge length (m) has too many vertices."""
+    """Raise SurfaceError if a mesh of an area (m2) with edges of length `edge` (m) has too many vertices."""
     vertices = area / (ROW * edge**2)
     if vertices > 2_000_000:
         raise SurfaceError(f"edge = {edge:g} m would give about {vertices:.2g} vertices; use a longer edge")
 
 
 def pieces_of(length: float, edge: float, multiple: int = 1, least: int = 1) -> int:
-    """Return the number of parts, about `edge` long, into which to divide a length.
-    multiple : divisor of this number.    least : least number."""
+    """Return the number of equal parts, each about `edge` long, of a length.
+    multiple : divisor of the result.    least : smallest result."""
     return max(least, multiple * round(length / (edge * multiple)))
 
 
@@ -94,7 +96,8 @@ def staggered_rows(columns: int, rows: int) -> tuple[Floats, Ints]:
 
 
 def ring_turns(counts: Ints) -> list[Floats]:
-    """Return the angles (k,) of the vertices of each ring, 0 to 1 for a full turn. counts : vertices of each ring."""
+    """Return the angles (k,) of the vertices of each ring, as fractions of a full turn.
+    counts : number of vertices of each ring."""
     turns, shift = [], 0.0
     for j, count in enumerate(counts):
         shift = 0.5 - shift if j and count == counts[j - 1] else 0.0
@@ -104,7 +107,7 @@ def ring_turns(counts: Ints) -> list[Floats]:
 
 def ring_faces(turns: list[Floats], closed: bool = False) -> Ints:
     """Return faces (m, 3) between neighbouring rings of vertices, counter-clockwise if later rings lie outside.
-    turns  : angles (k,) of the vertices of each ring, 0 to 1 for a full turn.
+    turns  : angles (k,) of the vertices of each ring, as fractions of a full turn.
     closed : true to join the last ring to the first."""
     start = np.cumsum([0] + [len(t) for t in turns])
     pairs = [(j, j + 1) for j in range(len(turns) - 1)] + ([(len(turns) - 1, 0)] if closed else [])

@@ -36,9 +36,9 @@ def barrel_vault(length: Length = 10.0, span: Length = 8.0, rise: Length = 2.5, 
 
 @shape
 def hypar(side: Length = 8.0, rise: Length = 3.0, edge: Length = 0.22) -> Surface:
-    """A hyperbolic paraboloid over a square: two opposite corners at z = 0, the others at z = rise."""
+    """A hyperbolic paraboloid over a square: two opposite corners at z = 0, two corners at z = rise."""
     if rise > 4 * side:
-        raise SurfaceError(f"hypar: rise = {rise:g} m is more than four times its side of {side:g} m; use a lower rise")
+        raise SurfaceError(f"hypar: rise = {rise:g} m is more than four times the side of {side:g} m; use a lower rise")
     check_density(side**2 * (1 + rise / side), edge)
     uv, F = staggered_rows(pieces_of(side, edge, least=2), pieces_of(side, ROW * edge, multiple=2, least=2))
     x, y = (uv - 0.5).T * side
@@ -59,7 +59,7 @@ def elliptic_paraboloid(
         )
     if rise > 4 * min(length, width):
         raise SurfaceError(
-            f"elliptic_paraboloid: rise = {rise:g} m is more than four times its shorter side of "
+            f"elliptic_paraboloid: rise = {rise:g} m is more than four times the shorter side of "
             f"{min(length, width):g} m; use a lower rise"
         )
     check_density(length * width * (1 + rise / min(length, width)), edge)
@@ -97,10 +97,8 @@ def pavilion(
     edge: Length = 0.28,
 ) -> Surface:
     """A spherical shell on feet, with an arch between neighbouring feet.
-    span    : diameter of the circle through the feet, at z = 0.
-    rise    : height of the crown.
-    opening : height of the middle of each arch.
-    foot    : width of each foot along the circle."""
+    span : diameter of the circle through the feet, at z = 0.    rise : height of the crown.
+    opening : height of the middle of each arch.    foot : width of each foot along the circle."""
     _check(span, rise, opening, feet, foot)
     radius = (span**2 / 4 + rise**2) / (2 * rise)
     check_density(2 * np.pi * radius * rise, edge)
@@ -110,7 +108,7 @@ def pavilion(
     wedge = _Wedge(half, foot / span, float(ground), float(top), float(flat))
     rim, axis, seam = wedge.rim()
     plane, F = _all_feet(*mesh_region(rim, wedge.inside, wedge.edge), axis, seam, feet)
-    # stereographic: rho = 2 R tan(theta / 2), from the sphere's lowest point
+    # stereographic map from the sphere's bottom: rho = 2 R tan(theta / 2)
     t = (plane**2).sum(axis=1) / (4 * radius**2)
     V = np.column_stack([plane / (1 + t)[:, None], rise - 2 * radius * t / (1 + t)])
     V[np.abs(V[:, 2]) < 1e-9 * span, 2] = 0.0
@@ -146,7 +144,7 @@ class _Wedge:
         self.centre = self.to_centre * np.array([np.cos(half), np.sin(half)])
 
     def rim(self) -> tuple[Floats, Ints, Ints]:
-        """Return the outline (k, 2), and the indices of points on both straight sides."""
+        """Return the outline (k, 2), and the indices of the points on each of the two straight sides."""
         ray = np.linspace(0, self.ground, 1 + self._count(self.ground))
         back = np.linspace(self.top, 0, 1 + self._count(self.top))[1:-1]
         foot = np.linspace(0, self.half_foot, 1 + self._count(self.ground * self.half_foot))[1:]

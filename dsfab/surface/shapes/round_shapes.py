@@ -65,7 +65,9 @@ def tower(
     x, y, around = _superellipse(squareness)
     check_density(0.5 * (1 + taper) * around * width / 2 * height, edge)
     if abs(np.radians(twist)) * width / 2 > 1.5 * height:
-        raise SurfaceError(f"tower: twist = {twist:g} degrees is too much for a height of {height:g} m; use less")
+        raise SurfaceError(
+            f"tower: twist = {twist:g} degrees is too much for a height of {height:g} m; use a smaller twist"
+        )
     z = np.linspace(0, height, 1 + pieces_of(height, ROW * edge, multiple=2, least=4))
     scale = 0.5 * width * (1 + (taper - 1) * z / height)
     turns = ring_turns(np.array([pieces_of(around * s, edge, multiple=4, least=8) for s in scale]))

@@ -1,4 +1,4 @@
-"""Extras of a solid, `[[thickening.extra]]` in a preset."""
+"""Extras of a solid: feet, ring beams, holes, trims and splits. Presets list them as `[[thickening.extra]]`."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,7 +21,7 @@ Extra = Feet | Ring | Holes | Trim | SplitBodies
 
 
 def with_extras(solid: Solid, extras: Sequence[Extra], base: Base) -> Solid:
-    """Apply extras (feet, ring beams, holes, ...) to a solid in order. Raises SolidError."""
+    """Apply extras (feet, ring beams, holes, ...) to a solid in order. Raises SolidError for an impossible extra."""
     if not extras:
         return solid
     import manifold3d
@@ -30,7 +30,9 @@ def with_extras(solid: Solid, extras: Sequence[Extra], base: Base) -> Solid:
     for extra in extras:
         body = extra.apply(body, base)
         if body.status() != manifold3d.Error.NoError or body.is_empty():
-            raise SolidError(f"thickening.extra {extra.kind!r} removes the whole solid; check its sizes and places")
+            raise SolidError(
+                f"thickening.extra {extra.kind!r} removes the whole solid; check sizes and places in this entry"
+            )
     return _judged_solid(body, solid)
 
 
@@ -48,7 +50,7 @@ def _judged_solid(body: "manifold3d.Manifold", before: Solid) -> Solid:
         repairs = replace(repairs, pairs=len(pairs), pairs_at=(x, y, z))
         notes.append(
             f"{len(pairs)} pairs of faces intersect in the solid with its [[thickening.extra]] entries, the first "
-            f"near ({x:.4g}, {y:.4g}, {z:.4g}) m; change the place or size of an entry a little"
+            f"near ({x:.4g}, {y:.4g}, {z:.4g}) m; slightly change the place or the size of one entry"
         )
     outer = sum(part.volume() > 0 for part in parts)
     result = Solid(V, F, len(parts) - euler_characteristic(F, edge_table(F)) // 2, outer, tuple(notes), repairs)

@@ -27,7 +27,8 @@ class Base:
     between: Callable[[Bools], Bools]
 
     def parts(self, marks: Bools) -> list[Floats]:
-        """Return points (k, 3), metres, of each connected part of the sheet at marked vertices (n,) of the surface."""
+        """Return the sheet's marked vertices in groups: points (k, 3), metres. Faces connect the vertices of a group.
+        marks : (n,) mask of the surface's vertices."""
         marked = self.between(marks)
         touching = marked[self.sheet.F].any(axis=1)
         if not touching.any():
@@ -60,12 +61,12 @@ def unit(vector: Vector, whose: str) -> Floats:
     """Return the vector (3,) scaled to length 1. Raises SolidError if the vector is zero."""
     length = float(np.linalg.norm(vector))
     if not length > 0:
-        raise SolidError(f"{whose} is a zero vector; give a direction")
+        raise SolidError(f"{whose} is a zero vector; give a direction with a length above 0")
     return np.array(vector) / length
 
 
 def box(low: Floats, high: Floats) -> "manifold3d.Manifold":
-    """Return the box from its lowest to its highest corner (3,)."""
+    """Return the box between its lowest and its highest corner (3,)."""
     import manifold3d
 
     return manifold3d.Manifold.cube((high - low).tolist()).translate(low.tolist())
@@ -78,7 +79,7 @@ def united_bodies(bodies: list["manifold3d.Manifold"]) -> "manifold3d.Manifold":
 
 
 def drill(point: Floats, axis: Floats, diameter: float, length: float) -> "manifold3d.Manifold":
-    """Return a cylinder for a hole: centre (3,), axis (3,), diameter and length in metres."""
+    """Return the cylinder that a drill removes. point : (3,) centre, metres. diameter, length : metres."""
     import manifold3d
 
     z = unit((float(axis[0]), float(axis[1]), float(axis[2])), "thickening.extra: axis")

@@ -17,9 +17,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Holes:
-    """`kind = "holes"`: round holes through the solid, all in one direction.
-    at       : middles of the holes: points on the sheet, metres.
-    diameter : diameter of the holes, metres.
+    """`kind = "holes"`: round holes in the solid, parallel to `axis`.
+    at : middle of each hole, a point on the sheet, metres.    diameter : diameter of the holes, metres.
     depth    : length of each hole, metres; half on each side of the point."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
@@ -36,8 +35,8 @@ class Holes:
             drilled = solid - drill(np.array(point), np.array(self.axis), self.diameter, self.depth)
             if drilled.volume() > solid.volume() * (1 - 1e-12):
                 raise SolidError(
-                    f"thickening.extra 'holes': point {number} of {len(self.at)} has no material; the nearest is at "
-                    f"{base.nearest(np.array(point))} m"
+                    f"thickening.extra 'holes': point {number} of {len(self.at)} is not on material; the nearest "
+                    f"material is at {base.nearest(np.array(point))} m"
                 )
             solid = drilled
         return solid
@@ -45,7 +44,7 @@ class Holes:
 
 @dataclass(frozen=True)
 class Trim:
-    """`kind = "trim"`: cut off material beyond a plane, or outside a box, or both.
+    """`kind = "trim"`: cut off the material beyond a plane and outside a box. Plane or box may be missing.
     point, normal : point (metres) and normal of the plane; material on the side of the normal is cut off.
     low, high     : opposite corners of the box, metres."""
 
@@ -60,7 +59,9 @@ class Trim:
         """Return the part of the solid behind the plane and inside the box. Raises SolidError for missing values."""
         plane, corners = (self.point, self.normal), (self.low, self.high)
         if (None in plane and any(plane)) or (None in corners and any(corners)) or not (any(plane) or any(corners)):
-            raise SolidError("thickening.extra 'trim' needs point and normal of a plane, or low and high of a box")
+            raise SolidError(
+                "thickening.extra 'trim' needs the keys point and normal of a plane, or low and high of a box"
+            )
         if self.point is not None and self.normal is not None:
             normal = unit(self.normal, "thickening.extra 'trim': normal")
             solid = solid.trim_by_plane((-normal).tolist(), float(-normal @ np.array(self.point)))
@@ -74,8 +75,7 @@ class Trim:
 @dataclass(frozen=True)
 class SplitBodies:
     """`kind = "split"`: cut the solid into parts that fit a machine, and move the parts apart.
-    bed   : largest size of a part along x, y, z, metres.
-    apart : gap between parts after the move, metres.
+    bed : largest size of a part along x, y, z, metres.    apart : gap between parts after the move, metres.
     dowel : diameter of dowel holes in the cut faces, metres; 0 for no dowels.
     deep  : depth of a dowel hole in a part, metres."""
 
@@ -87,10 +87,13 @@ class SplitBodies:
     kind: Literal["split"] = "split"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid in parts that fit the bed. Raises SolidError for invalid options."""
+        """Return the solid in parts that are at most as large as `bed`. Raises SolidError for invalid options."""
         positive(self, "apart")
         if min(self.bed) <= 0 or self.dowel < 0 or (self.dowel > 0) != (self.deep > 0):
-            raise SolidError("thickening.extra 'split': set bed to positive lengths; set dowel and deep, or neither")
+            raise SolidError(
+                "thickening.extra 'split': set bed to positive lengths; set both dowel and deep, or neither of these "
+                "keys"
+            )
         ends = np.array(solid.bounding_box()).reshape(2, 3)
         levels = [self._levels(ends[0, axis], ends[1, axis], self.bed[axis]) for axis in range(3)]
         drills = [drill for axis in range(3) for drill in self._drills(solid, axis, levels)] if self.dowel else []

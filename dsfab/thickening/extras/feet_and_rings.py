@@ -41,10 +41,15 @@ class Feet:
             low[2], high[2] = points[:, 2].min() - self.height, points[:, 2].min() + self.sink
             blocks.append(box(low, high))
         if not blocks:
-            raise SolidError("thickening.extra 'feet': none of the picked vertices is on the sheet; set pattern.keep")
+            raise SolidError(
+                "thickening.extra 'feet': none of the picked vertices is on the cut sheet; set pattern.keep to keep "
+                "material there"
+            )
         standing = united_bodies([solid, *blocks])
         if len(standing.decompose()) > len(solid.decompose()):
-            raise SolidError("thickening.extra 'feet': a foot does not touch the solid; increase sink or margin")
+            raise SolidError(
+                "thickening.extra 'feet': a foot does not touch the solid; increase the key sink or margin"
+            )
         return standing
 
 
@@ -54,9 +59,8 @@ STRAIGHT = 1e-9  # A loop is straight at a vertex if its unit direction and unit
 @dataclass(frozen=True)
 class Ring:
     """`kind = "ring"`: a beam along boundary loops of the uncut surface, united with the solid.
-    width  : size of the beam along the surface, metres.
-    height : size of the beam normal to the surface, metres.
-    at     : picker of vertices; a loop with a picked vertex has a beam. By default, all loops have beams."""
+    width : size of the beam along the surface, metres.    height : size of the beam normal to the surface, metres.
+    at     : picker of vertices. Each loop with a picked vertex gets a beam; by default, all loops get beams."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     width: Real
@@ -70,7 +74,9 @@ class Ring:
         marks = np.ones(base.surface.n, dtype=bool) if self.at is None else self.at.vertices(base.surface)
         loops = [loop for loop in base.surface.loops if marks[loop].any()]
         if not loops:
-            raise SolidError("thickening.extra 'ring': no boundary loop of the surface has a picked vertex; check 'at'")
+            raise SolidError(
+                "thickening.extra 'ring': no boundary loop of the surface has a picked vertex; check the key 'at'"
+            )
         beams = [_beam(base.surface, loop, self.width, self.height) for loop in loops]
         united = united_bodies([solid, *beams])
         if len(united.decompose()) > len(solid.decompose()):
@@ -98,7 +104,7 @@ def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifol
 
 def bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
     """Return the bends of a boundary loop: points (k, 3), metres, unit directions (k, 3) and unit normals (k, 3).
-    Each bend begins a straight side of the loop, with this direction.
+    Directions and normals belong to the straight segments that start at the bends.
     The cross product normal x direction points into the surface."""
     V, edges = surface.V, surface.edges
     ends = np.sort(np.stack([loop, np.roll(loop, -1)], axis=1), axis=1)
@@ -118,7 +124,7 @@ def bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
 def closed_bar(P: Floats, along: Floats, normal: Floats, width: float, height: float) -> tuple[Floats, Ints]:
     """Return the mesh of a rectangular bar along a closed polyline: vertices (4 k, 3), m, outward faces (8 k, 3).
     P      : (k, 3) corners of the polyline, metres.
-    along, normal : (k, 3) unit directions and unit normals of the sides that begin at these corners.
+    along, normal : (k, 3) unit directions and unit normals of the segments that start at these corners.
     height : size along the normals, metres."""
     before = np.roll(along, 1, axis=0)
     sharpest = 0.2  # smallest cosine of half the bend angle; a mitre is then five bar widths long

@@ -1,10 +1,10 @@
-"""Proof, without a test of pairs, that most of a thickened sheet cannot intersect itself.
+"""Proof, without a test of pairs of faces, that most of a thickened sheet cannot intersect itself.
 
-A prism is the solid over a face. A grid of boxes divides the faces. The axis of a box is the mean normal of its faces.
-A box and the boxes around it form a block. The prisms of a box meet no other prisms under two conditions:
+A prism is the thickened solid of a face. A grid of boxes sorts the faces. The axis of a box is the faces' mean normal.
+A box and the boxes around it form a block. The prisms of a box cannot intersect any prism if:
 
-1. All skin normals of the block are within 90 degrees of the axis.
-2. Seen along the axis, the rim of the block's faces goes exactly once around the prisms of the box."""
+1. All normals of the block's prisms are within 90 degrees of the axis.
+2. Seen along the axis, the boundary of the block's faces goes exactly once around the prisms of the box."""
 
 from dataclasses import dataclass
 
@@ -20,10 +20,10 @@ from dsfab.thickening.skin import is_fine, rounding_step
 
 @dataclass(frozen=True, eq=False)
 class OffsetLayer:
-    """A surface and its mesh after the cut, with half-thickness vectors.
+    """A surface before and after the pattern is cut, with half-thickness vectors.
     uncut   : the surface before the cut; edge-manifold, consistently oriented.
     D       : (n, 3) half-thickness vectors of `uncut`, metres.
-    cells   : the mesh after the cut, material and void.
+    cells   : the mesh after the cut, with the faces of material and of voids.
     carried : (n', 3) half-thickness vectors of `cells`, metres.
     parent  : (m',) the face of `uncut` that contains each cell."""
 
@@ -36,7 +36,7 @@ class OffsetLayer:
 
     @property
     def shift(self) -> int:
-        """Distance of the solid's middle layer from the surface / half the thickness: 0, 1 or -1."""
+        """Distance of the solid's middle layer from the surface, divided by half the thickness: 0, 1 or -1."""
         return SHIFT[self.side]
 
 
@@ -46,12 +46,11 @@ REACH = 2  # Number of boxes on each side of the middle box in a block of boxes.
 @dataclass(frozen=True, eq=False)
 class Boxes:
     """Boxes of a grid that divide the faces of a surface into groups.
-    of     : (m,) number of the box of each face.
-    place  : (k, 3) place of each box in the grid.
+    of : (m,) number of the box of each face.    place : (k, 3) integer position of each box in the grid.
     radius : (k,) radius of a cylinder that contains the thickened faces of the box, metres.
     middle, axis : (k, 3) middle (metres) and mean normal of the faces of each box.
-    grid   : number of the box at each place, -1 for boxes without faces.
-    key    : (k,) place of each box in the flattened grid."""
+    grid   : number of the box at each grid position, -1 for a position without faces.
+    key    : (k,) index of each box in the flattened grid."""
 
     of: Ints
     place: Ints
@@ -62,7 +61,7 @@ class Boxes:
     key: Ints
 
     def neighbours(self, box: Ints, step: Ints) -> Ints:
-        """Return the numbers (k,) of the boxes `step` (3,) grid places away from boxes (k,); -1 without a box."""
+        """Return the numbers (k,) of the boxes that lie `step` (3,) grid cells from boxes (k,); -1 without a box."""
         _, ny, nz = self.grid.shape
         return np.asarray(self.grid.ravel()[self.key[box] + (step[0] * ny + step[1]) * nz + step[2]])
 
@@ -95,12 +94,12 @@ def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
 
 
 def block_steps() -> list[Ints]:
-    """Return the grid steps (3,) from a box to itself and to all boxes around."""
+    """Return the grid steps (3,) from a box to all boxes of its block, including itself."""
     along = np.arange(-REACH, REACH + 1)
     return list(np.stack(np.meshgrid(along, along, along), axis=-1).reshape(-1, 3))
 
 
-CHUNK = 1 << 14  # Number of cells processed together, because they fit the processor's cache.
+CHUNK = 1 << 14  # Number of cells in a batch that fits the processor's cache.
 
 Three = tuple[Floats, Floats, Floats]
 
@@ -108,8 +107,8 @@ Three = tuple[Floats, Floats, Floats]
 def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Floats, Floats]:
     """Return three properties of prisms (thickened cells). error : bound of the rounding errors, metres.
     1. A mask (m',) of the prisms that may be folded.
-    2. The smallest cosine (k,) between the axis of each box and the skin normals of the prisms.
-    3. The radius (m',) of each prism, metres."""
+    2. The smallest cosine (k,) between the axis of each box and the upper and lower normals of its prisms.
+    3. The radius (m',) of a sphere around each prism, metres."""
     F, m = layer.cells.F, layer.cells.m
     upper = np.ascontiguousarray((layer.cells.V + (layer.shift + 1) * layer.carried).T)
     lower = np.ascontiguousarray((layer.cells.V + (layer.shift - 1) * layer.carried).T)
@@ -156,8 +155,8 @@ def _dot(a: Three, b: Floats | Three) -> Floats:
 
 
 def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
-    """Return a mask (k,) of the boxes whose axis is within 90 degrees of all skin normals nearby.
-    cosine : (k,) smallest cosine between a box's axis and its skin normals."""
+    """Return a mask (k,) of the boxes with an axis within 90 degrees of all prism normals in their block.
+    cosine : (k,) smallest cosine between a box's axis and the upper and lower normals of its prisms."""
     spread = np.arccos(np.clip(cosine, -1, 1))
     visible = spread < np.pi / 2
     every = np.arange(len(visible))
@@ -170,7 +169,8 @@ def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
 
 
 def boxes_with_simple_rims(layer: OffsetLayer, boxes: Boxes, accepted: Bools, error: float) -> Bools:
-    """Return a mask (k,) of the `accepted` boxes around whose cylinder the rim of the block goes exactly once."""
+    """Return a mask (k,) of boxes: the block's boundary goes exactly once around the box's cylinder.
+    accepted : (k,) mask of the boxes to test.    error : bound of rounding errors, metres."""
     uncut = layer.uncut
     thick = lengths(layer.D) * (1 + abs(layer.shift)) + error
     accepted, turns = accepted.copy(), np.zeros(len(boxes.axis), dtype=np.int64)
@@ -223,7 +223,7 @@ def _rims(uncut: Surface, boxes: Boxes, accepted: Bools) -> list[tuple[Ints, Int
 
 
 def proven_cells(layer: OffsetLayer) -> Bools:
-    """Return a mask (m',) of the cells whose prism (thickened cell) surely meets no other prism."""
+    """Return a mask (m',) of the cells: True if the thickened cell certainly meets no second thickened cell."""
     cells, uncut = layer.cells, layer.uncut
     if len(misoriented_edges(uncut.F, uncut.edges)):
         return np.zeros(cells.m, dtype=bool)

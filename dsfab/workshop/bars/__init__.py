@@ -1,6 +1,6 @@
 """Structures of straight bars between nodes, bolted on folded plates.
 
-lattice   nodes of a graph of members, and the bays between them    joints   bars in space, and their angles
+lattice   nodes, and the parts of members between nodes (bays)      joints   bars in space, and their angles
 cutting   bars and plates as flat parts                             plan     the whole plan: `bar_plan`"""
 
 from dsfab.workshop.bars.cutting import BarStock, PlateArm, plate_arms

@@ -123,8 +123,8 @@ def plate_arms(joint: Joint, lattice: BarLattice, stock: BarStock) -> "list[Plat
 
 @dataclass(frozen=True)
 class PlateArm:
-    """Arm of a flat node plate.
-    azimuth : direction, counter-clockwise.    dip : angle of the fold.    after : angle to the next arm (radians).
+    """Arm of a flat node plate. Angles are in radians.
+    azimuth : direction of the arm, counter-clockwise.    dip : fold angle.    after : angle to the next arm.
     fold, holes, end, root : metres from the node to the fold, the holes, the arm's end, and the bar's beginning."""
 
     bar: str
@@ -146,7 +146,7 @@ class PlateArm:
         return cls(bar.bay.id, end.azimuth, end.dip, end.root - setback, holes, root + end_distance, end.after, root)
 
     def point(self, r: float, y: float) -> Floats:
-        """Return the point (2,) at a distance r along the arm and y to its left (m)."""
+        """Return the point (2,) at a distance r along the arm, and y to the left of the arm (m)."""
         c, s = np.cos(self.azimuth), np.sin(self.azimuth)
         return np.array([r * c - y * s, r * s + y * c])
 

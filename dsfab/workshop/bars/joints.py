@@ -1,12 +1,12 @@
 """Joints: node plates with an arm for each bar, the angles at the ends of bars, and legs that stand on the ground.
 
-       n                     n    normal of a node; its plate is square to n, below the bars
+       n                     n    normal of a node; the node's plate is perpendicular to n, below the bars
        |   dip               e    distance from the node to the beginning of the bar's line, where the arm is folded
 -------+--e--·.._            dip  angle of the bar below the plane of the plate
      plate      ··.._        m    normal of the bar: n without its component along the bar
                  bar          ·
 
-A leg is a further arm of the plate; it points down along the surface. Beyond its fold it is level, with anchors."""
+A leg is a further arm of the plate, down along the surface. Beyond its fold, the leg is level and has anchors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,9 +31,9 @@ ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """Leg of a node plate.
+    """Leg of a node plate: an arm with anchors in the ground.
     way    : (3,) unit direction of the leg in the plane of the plate.
-    fold   : angle towards the normal of the plate, radians.
+    fold   : fold angle, positive towards the normal of the plate, radians.
     anchor : diameter of the leg's anchors, metres."""
 
     way: Floats
@@ -58,7 +58,7 @@ class Leg:
 class Footing:
     """Supports of a structure on the ground.
     supports : (q, 3) supported points, metres.    up : (3,) upward unit vector.
-    reach    : metres; a node stands on a support closer than `reach` plus 0.75 member widths.
+    reach    : metres; a node can get a leg if a support is closer than `reach` plus 0.75 member widths.
     anchor   : diameter of the anchors, metres."""
 
     supports: Floats
@@ -135,7 +135,7 @@ def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
     sentences = []
     if angles:
         sentences.append(
-            f"{len(angles)} plates at supports have a leg with anchors; to make the leg level, fold it by "
+            f"{len(angles)} plates at supports have a leg with anchors; to make the leg level, fold the leg by "
             f"{min(angles):.0f} to {max(angles):.0f} degrees"
         )
     if flat:
@@ -200,8 +200,7 @@ class LatticeBar:
 class Joint:
     """Node with bars and a plate.
     bars : pairs of a bar number and an end, counter-clockwise; end 0: the bar begins at this node, 1: it ends here.
-    half : half width of the plate's arms, metres.
-    root : approximate distance from the node to the folds, metres.
+    half : half width of the plate's arms, metres.    root : approximate distance from the node to the folds, metres.
     leg  : arm of the plate that stands on the ground, if any."""
 
     node: LatticeNode
@@ -248,7 +247,7 @@ class BarLattice:
 
 @dataclass(frozen=True, eq=False)
 class _BayEnds:
-    """The ends of parts of members between two nodes."""
+    """Ends (q,) of parts of members between two nodes: number of the node, width (m), and index of the opposite end."""
 
     node: Ints
     width: Floats
@@ -260,7 +259,7 @@ class _BayEnds:
 
 
 def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: float) -> BarLattice:
-    """Return bars for all bays of a lattice. bolt : diameter of the bolts (m)."""
+    """Return a bar for each part of a member between two nodes. thickness : of the bars; bolt : bolt diameter (m)."""
     ends = np.array([bay.ends for bay in lattice.bays], dtype=np.int64).reshape(-1, 2)
     count = len(ends)
     opposite, widths = np.roll(np.arange(2 * count), count), np.tile([bay.width for bay in lattice.bays], 2)
@@ -270,7 +269,7 @@ def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: fl
     joined = np.array([node.joined for node in lattice.nodes], dtype=bool)
     chord = P[bay_ends.node[bay_ends.opposite]] - P[bay_ends.node]
     level = _level_directions(chord, N[bay_ends.node])
-    # a bar's angle below the node's plane is about 1.5 times that of the straight line between its nodes
+    # a bar dips below the node's plane about 1.5 times as steeply as the chord between its nodes
     lean = 1.5 * thickness / 2 * np.sin(np.abs(bay_ends.dip(chord, N)))
     orders = [_counter_clockwise(np.flatnonzero(bay_ends.node == k), level, N[k]) for k in range(len(P))]
     lengths = np.linalg.norm(chord, axis=1)

@@ -20,12 +20,11 @@ LEAST_BAR = 4.0  # length of the shortest bar on a plate, in bolt diameters
 
 @dataclass(frozen=True, eq=False)
 class LatticeNode:
-    """Node of bars: one node of the graph, or several close nodes.
-    id     : name of the first node, or "A07 end 1" for a free end of a member.
-    nodes  : names of all nodes.
-    point  : (3,) place of the node, metres.    normal : (3,) normal of the surface there.
-    joined : True if a plate joins the bars.
-    moved  : largest distance of the nodes from the point, metres."""
+    """Node at which bars end, in place of a node of the graph of members, or of several close nodes.
+    id     : name of the first replaced node, or "A07 end 1" for a free end of a member.
+    nodes  : names of all replaced nodes.
+    point  : (3,) position of the node, metres.    normal : (3,) normal of the surface there.
+    joined : True if a plate joins the bars.    moved : largest distance from `point` to a replaced node, metres."""
 
     id: str
     nodes: tuple[str, ...]
@@ -40,7 +39,7 @@ class LatticeNode:
 
 @dataclass(frozen=True)
 class Bay:
-    """Part of a member between two nodes; lengths in metres."""
+    """Part of a member between two nodes. ends : numbers of the nodes. span : first and last arc length, metres."""
 
     id: str
     member: str
@@ -51,8 +50,8 @@ class Bay:
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Nodes and bays of a structure of bars.
-    parallel : names of bays left out because another bay joins the same nodes.
+    """Nodes and bays (parts of members between two nodes) of a structure of bars.
+    parallel : names of omitted bays, because a different bay joins the same nodes.
     rings    : names of closed members with fewer than three nodes."""
 
     nodes: tuple[LatticeNode, ...]
@@ -78,8 +77,9 @@ def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
     group, short = _place_groups(keys, raw_bays, places, bolt)
     if short > 0.1 * len(raw_bays):  # above a tenth, bars would no longer follow the pattern
         raise PatternError(
-            f"{short} of {len(raw_bays)} bays are too short for a bar with a bolt of {length(bolt)} at each end; take "
-            "workshop.route = 'strips', a larger spacing, narrower members or a smaller workshop.bolt"
+            f"{short} of {len(raw_bays)} bays (parts of members between nodes) are too short for a bar with a bolt of "
+            f"{length(bolt)} at each end; use workshop.route = 'strips', a larger spacing, narrower members or a "
+            f"smaller workshop.bolt"
         )
     nodes = [
         _lattice_node([key for key, k in zip(keys, group, strict=True) if k == group_number], places)

@@ -17,7 +17,7 @@ from dsfab.workshop.plates import plate_parts
 
 @dataclass(frozen=True, eq=False)
 class BarPlan:
-    """Bars in space and all parts. legless : names of supported nodes whose plates have no leg."""
+    """Bars in space, and all flat parts. legless : names of supported nodes with a plate without a leg."""
 
     bar_lattice: BarLattice
     stock: BarStock
@@ -60,8 +60,9 @@ def _possibility_lines(plan: BarPlan) -> Iterator[str]:
     bars, stock = plan.bar_lattice.bars, plan.stock
     joints = sum(joint.node.joined for joint in plan.bar_lattice.joints)
     yield (
-        f"{len(bars)} straight bars of {length(stock.bar)} on {joints} plates of {length(stock.plate)}; they leave the "
-        f"surface by up to {length(plan.largest_sagitta)} ({max(bars, key=lambda bar: bar.sagitta).bay.id})"
+        f"{len(bars)} straight bars of {length(stock.bar)} on {joints} plates of {length(stock.plate)}; the largest "
+        f"distance from a bar to the surface is {length(plan.largest_sagitta)} "
+        f"({max(bars, key=lambda bar: bar.sagitta).bay.id})"
     )
     if plan.too_short:
         yield (
@@ -87,14 +88,14 @@ def _sharp_angles(plan: BarPlan) -> Iterator[str]:
     )
     if angle < np.pi:
         degrees = f"{np.degrees(angle):.0f} degrees"
-        yield f"the sharpest angle between two bars of a node is {degrees}, between {bar_a} and {bar_b} at {node}"
+        yield f"the smallest angle between two bars at a node is {degrees}, between {bar_a} and {bar_b} at {node}"
     shares = {bar.bay.id: max(mitre_length(bar, end, stock) for end in bar.ends) / bar.length for bar in bars}
     weakened = sorted((name for name, share in shares.items() if share > 0.5), key=lambda name: -shares[name])
     if weakened:
         many = "1 bar loses" if len(weakened) == 1 else f"{len(weakened)} bars lose"
         yield (
-            f"{many} more than half of one side to a mitre (an oblique cut at a sharp angle), and may be too weak: "
-            f"{names_and_count(weakened)}; narrower members lose less"
+            f"{many} more than half of one side to a mitre (an oblique cut), and may be too weak: "
+            f"{names_and_count(weakened)}; narrower members would lose less"
         )
 
 
@@ -108,7 +109,7 @@ def _omission_lines(plan: BarPlan) -> Iterator[str]:
             f"distance from a plate to its nodes is {length(farthest.moved)} ({farthest.id})"
         )
     if lattice.parallel:
-        yield f"{_names(lattice.parallel)} left out, because other bars join the same nodes"
+        yield f"{_names(lattice.parallel)} left out, because other bars already join the same nodes"
     if lattice.rings:
         yield f"{_names(lattice.rings)} left out, because a closed member needs at least three nodes for bars"
     ends = [node for node in lattice.nodes if not node.joined]
@@ -130,7 +131,7 @@ The number of a corner is a sum: 1 for up, 2 for left, and 4 for the end of the 
 
 @dataclass(frozen=True, eq=False)
 class PlacedPart:
-    """Part in space: quads (q, 4, 3) in metres."""
+    """Part in its position in space. quads : (q, 4, 3) corners of the part's quadrilaterals, metres."""
 
     id: str
     member: str
@@ -149,7 +150,7 @@ def bar_body(bar: LatticeBar, stock: BarStock) -> tuple[Floats, Ints]:
 
 
 def placed_parts(plan: BarPlan) -> list[PlacedPart]:
-    """Return all bars, then all node plates, in their places."""
+    """Return all bars, then all node plates, at their positions in space."""
     lattice, stock = plan.bar_lattice, plan.stock
     bars = [PlacedPart(bar.bay.id, bar.bay.member, bar_body(bar, stock)[0][BAR_QUADS]) for bar in lattice.bars]
     joints = [joint for joint in lattice.joints if joint.node.joined]

@@ -1,4 +1,4 @@
-"""Parts nested on sheets for the least cost; with spyrrow, on fewer sheets if possible."""
+"""Nesting (arrangement) of parts on sheets at low cost, and a search for fewer sheets with spyrrow."""
 
 import importlib.util
 import json
@@ -31,7 +31,7 @@ SheetSize = tuple[float, float]  # length and width of a sheet (m)
 
 @dataclass(frozen=True, eq=False)
 class NestedSheet:
-    """Sheet of the stock with its size (m), its parts, and its price; 0 without a price."""
+    """Sheet of the stock: length and width (m), arranged parts, and price (0 if unknown)."""
 
     size: SheetSize
     parts: tuple[NestedPart, ...]
@@ -39,7 +39,7 @@ class NestedSheet:
 
     @property
     def used_share(self) -> float:
-        """Share of the sheet's area that becomes parts."""
+        """Fraction of the sheet's area that becomes parts."""
         return sum(item.part.area for item in self.parts) / (self.size[0] * self.size[1])
 
 
@@ -49,8 +49,7 @@ def nest_parts(
     """Nest (arrange) all parts on sheets of the stock at low cost. Raises PatternError if a part fits on no sheet.
     stock  : lengths and widths of the sheets, metres.
     gap    : least distance between parts, and from the edges of sheets, metres.
-    grain  : true if parts of members must lie lengthwise.
-    prices : price of a sheet of each size."""
+    grain : true if parts of members must lie along the length of a sheet.    prices : price of a sheet of each size."""
     grid, costs = column_grid(stock, gap, grain), _costs(stock, prices)
     box_area = float(sum((part.size[0] + gap) * (part.size[1] + gap) for part in parts))
     cheapest: list[NestedSheet] | None = None
@@ -126,7 +125,7 @@ def stack_parts(
     parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, limit: int, grain: bool = False
 ) -> list[NestedSheet] | None:
     """Nest (arrange) parts on sheets quickly; None if over `limit` sheets are necessary.
-    stock : lengths and widths of the sheets, metres.    gap : least distance, metres."""
+    stock : lengths and widths of the sheets, metres.    gap : least distance between parts, metres."""
     return _fill_sheets(parts, False, stock, column_grid(stock, gap, grain), limit)
 
 
@@ -150,8 +149,8 @@ def _fill_sheets(
                 a, b = turns[0].size
                 grain_text = ", along its grain" if grid.grain else ""
                 raise PatternError(
-                    f"part {turns[0].part.id} is {a:.3g} x {b:.3g} m and fits on no sheet of the stock with "
-                    f"{grid.gap:g} m to its edges{grain_text}; give a larger workshop.stock"
+                    f"part {turns[0].part.id} is {a:.3g} x {b:.3g} m and fits on no sheet of the stock with a "
+                    f"distance of {grid.gap:g} m to the edges{grain_text}; give a larger workshop.stock"
                 )
             opened.append(new_sheet)
             free = sum(sheet.free_area for sheet in opened) + (limit - len(opened)) * largest
@@ -199,7 +198,7 @@ def require_spyrrow() -> None:
 
 
 def with_fewer_sheets(sheets: Sequence[NestedSheet], gap: float, grain: bool = False) -> list[NestedSheet]:
-    """Return the same parts on fewer sheets if possible. grain : true if parts must lie lengthwise."""
+    """Return the same parts on fewer sheets if possible. grain : true if parts must lie along a sheet's length."""
     # the limit counts trials, not seconds: results must not depend on the machine
     remaining, tries = list(sheets), iter(range(24))
     while len(remaining) > 1:

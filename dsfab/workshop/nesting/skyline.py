@@ -1,4 +1,4 @@
-"""A partly filled sheet."""
+"""Placement of parts on a partly filled sheet."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,8 +16,7 @@ ROUNDING = 1e-9  # tolerance for rounding errors (m)
 @dataclass(frozen=True, eq=False)
 class PartShape:
     """Shape of a rotated part: heights of its lower and upper edge in k narrow columns.
-    turn         : rotation, radians.
-    low, size    : (2,) lowest corner and size of the rotated part's box, metres.
+    turn : rotation, radians.    low, size : (2,) lowest corner and size of the rotated part's box, metres.
     lower, upper : (k,) heights of the edges, moved outwards by half of the gap between parts, metres."""
 
     part: FlatPart
@@ -112,7 +111,7 @@ def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Float
 
 @dataclass(frozen=True, eq=False)
 class NestedPart:
-    """Part with its rotation (radians) and its place on a sheet (m)."""
+    """Part on a sheet. turn : rotation, radians.    shift : translation (x, y) after the rotation, metres."""
 
     part: FlatPart
     turn: float
@@ -147,8 +146,7 @@ class SheetGap:
 @dataclass(eq=False)
 class OpenSheet:
     """Partly filled sheet; lengths in metres, areas in m2.
-    skyline : (k,) used height of each of k columns.
-    refused : length, width and area of parts that did not fit."""
+    skyline : (k,) used height of each of k columns.    refused : length, width and area of parts that did not fit."""
 
     size: tuple[float, float]
     skyline: Floats
@@ -173,7 +171,7 @@ class _PartPlace(NamedTuple):
 
 
 def place_part(sheet: OpenSheet, turns: list[PartShape], grid: ColumnGrid) -> bool:
-    """Put a part on a sheet if it fits, and return whether it fits. turns : shapes of the part."""
+    """Place a part on a sheet if it fits; return True if it fits. turns : shapes of the part in permitted rotations."""
     a, b, area = float(turns[0].size[0]), float(turns[0].size[1]), turns[0].part.area
     if sheet.free_area < area or any(a >= x and b >= y and area >= z for x, y, z in sheet.refused):
         return False

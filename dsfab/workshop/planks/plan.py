@@ -1,7 +1,7 @@
 """The parts of a structure of planks.
 
-A plank is the ruled surface P(s) + y N(s). The flat part is cut along a curve of curvature kn.
-When it is built, it bends by kg out of its plane and twists by tg."""
+A plank is the ruled surface P(s) + y N(s), with axis P and surface normal N. The flat part follows a curve of
+curvature kn. In the structure, the plank bends by kg out of its plane and twists by tg."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ from dsfab.workshop.strips import is_strip
 
 
 def upright_course(course: StripCourse, depth: float) -> StripCourse:
-    """Return the course (stations on the axis) of an upright plank from a flat course.
+    """Return the course (stations on the axis) of an upright plank, from the course of a strip flat on the surface.
     depth : width of the plank, metres."""
     B = np.cross(course.N, course.T)
     half = np.full(len(course.s), depth / 2)
@@ -32,7 +32,7 @@ def upright_course(course: StripCourse, depth: float) -> StripCourse:
 
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
-    """Return the courses (built parts of axes) of all planks, and the courses shorter than their members."""
+    """Return the courses (built parts of axes) of all planks, then only the courses shorter than their members."""
     members = [m for m in graph.members if is_strip(m)]
     extra_length = 2 * (stock.splice_reach + stock.depth + stock.overhang)
     courses = {m.id: member_course(graph, m, stock.overhang, extra_length) for m in members}
@@ -61,8 +61,7 @@ def plank_parts(
     order: Sequence[str] = slots.STANDING_ORDER,
 ) -> slots.PlankParts:
     """Return the flat parts of all planks.
-    room   : lengths and widths of the stock, metres.
-    ground : plane of the ground; None without supports.
+    room : lengths and widths of the stock, metres.    ground : plane of the ground; None without supports.
     order  : families, from the lowest planks to the uppermost.
     Raises PatternError if no piece fits on the stock."""
     courses, stopped = plank_courses(graph, stock)
@@ -128,14 +127,20 @@ class PlankPlan:
             return f"upright planks would bend out of their plane to a strain of {worst:.2%} (limit: {self.limit:.2%})"
         if planks.crossings.sharp_nodes:
             nodes = names_and_count(planks.crossings.sharp_nodes)
-            return f"upright planks would meet at under {slots.LEAST_DEGREES:g} degrees at {nodes}, too sharp for slots"
+            return (
+                f"upright planks would meet at angles below {slots.LEAST_DEGREES:g} degrees at {nodes}, which is too "
+                f"sharp for slots"
+            )
         if planks.crowded:
-            return f"upright planks would have slots without wood between them: {names_and_count(planks.crowded)}"
+            return (
+                f"upright planks would have neighbouring slots without wood between these slots: "
+                f"{names_and_count(planks.crowded)}"
+            )
         if planks.stuck:
             name, angle = max(planks.stuck.items(), key=itemgetter(1))
             return (
-                f"upright planks would not slide together: slots of {len(planks.stuck)} of them differ by up to "
-                f"{np.degrees(angle):.0f} degrees from the middle direction of a piece's slots ({name})"
+                f"upright planks would not slide together: in {len(planks.stuck)} planks, slots differ by up to "
+                f"{np.degrees(angle):.0f} degrees from the mean direction of the slots of their piece ({name})"
             )
         return ""
 
@@ -151,7 +156,7 @@ class PlankPlan:
         if planks.crossings.crossings:
             angle = min(crossing.angle for crossing in planks.crossings.crossings)
             text += (
-                f"; planks cross at {np.degrees(angle):.0f} degrees or more, and have slots that widen by up to "
+                f"; planks cross at {np.degrees(angle):.0f} degrees or more, and their slots widen by up to "
                 f"{np.degrees(lean):.1f} degrees for assembly"
             )
         return text
@@ -168,8 +173,7 @@ def plank_plan(
 ) -> PlankPlan:
     """Return the planks of a graph, and its plates.
     normals : (n, 3) normals at the vertices of the graph's sheet.
-    room    : lengths and widths of the stock, metres.
-    limit   : strain at the material's strength.
+    room : lengths and widths of the stock, metres.    limit : strain at the material's strength.
     order   : families, from the lowest planks to the uppermost.
     Raises PatternError if no piece fits on the stock."""
     planks = plank_parts(graph, stock, room, ground, order)
@@ -186,13 +190,13 @@ def _bending_lines(plan: PlankPlan) -> Iterator[str]:
     order = sorted(planks.bends, key=lambda name: -planks.bends[name])
     worst, over = planks.bends[order[0]], [name for name in order if planks.bends[name] > plan.limit]
     size = f"upright planks, {length(stock.depth)} deep and {length(stock.thickness)} thick,"
-    how = f"are bent out of their plane to a strain of {worst:.2%} (most in {order[0]})"
+    how = f"are bent out of their plane to a strain of up to {worst:.2%} (largest in {order[0]})"
     if not plan.limit:
         yield f"{len(order)} {size} {how}; name a material or set statics.strength for a limit"
     elif over:
         yield (
             f"NOT POSSIBLE: {len(over)} of {len(order)} {size} {how}, {worst / plan.limit:.1f} times the allowed "
-            f"{plan.limit:.2%} ({names_and_count(over)}): set workshop.thickness to "
+            f"strain of {plan.limit:.2%} ({names_and_count(over)}): set workshop.thickness to "
             f"{_rounded_down(stock.thickness * plan.limit / worst)} or less, or draw a pattern that bends planks less"
         )
     else:
@@ -200,8 +204,9 @@ def _bending_lines(plan: PlankPlan) -> Iterator[str]:
     twisted = max(planks.longer, key=lambda name: planks.longer[name])
     longest, least = planks.longer[twisted], 5e-5  # metres: smaller elongations cannot be measured
     yield (
-        f"planks are twisted: their edges become {f'up to {length(longest)}' if longest > least else 'not'} longer "
-        "than on the drawing" + (f" ({twisted})" if longest > least else "")
+        f"the structure twists the planks: edges of planks become "
+        f"{f'up to {length(longest)}' if longest > least else 'not'} longer than on the "
+        f"drawing" + (f" ({twisted})" if longest > least else "")
     )
 
 
@@ -217,12 +222,12 @@ def _crossing_lines(plan: PlankPlan) -> Iterator[str]:
         )
     if crossings.sharp_nodes:
         yield (
-            f"NOT JOINED: at {names_and_count(crossings.sharp_nodes)} planks meet at under {slots.LEAST_DEGREES:g} "
-            "degrees and have no slots: notch or screw them there"
+            f"NOT JOINED: at {names_and_count(crossings.sharp_nodes)}, planks meet at angles below "
+            f"{slots.LEAST_DEGREES:g} degrees and have no slots: notch or screw these planks"
         )
     if planks.crowded:
         yield (
-            "NOT POSSIBLE: these slots are omitted, because neighbouring slots leave no wood between them: "
+            "NOT POSSIBLE: these slots are omitted, because no wood would remain between neighbouring slots: "
             f"{names_and_count(planks.crowded)}; set a smaller workshop.thickness, or a larger spacing"
         )
 
@@ -233,16 +238,16 @@ def _sliding_lines(plan: PlankPlan) -> Iterator[str]:
     if steep:
         worst = max(steep, key=lambda name: steep[name])
         yield (
-            f"pieces with slots in lower edges slide onto other planks in one direction, so slots are widened by up to "
-            f"{np.degrees(steep[worst]):.1f} degrees (at {worst}); planks are spliced to keep this angle below "
+            f"pieces with slots in lower edges slide onto other planks in one direction, so dsfab widened slots by up "
+            f"to {np.degrees(steep[worst]):.1f} degrees (at {worst}); splices of planks keep this angle below "
             f"{np.degrees(slots.SLIDE_ANGLE):.0f} degrees"
         )
     if planks.stuck:
         worst = max(planks.stuck, key=lambda name: planks.stuck[name])
         yield (
             f"NOT POSSIBLE to slide together: {names_and_count(list(planks.stuck))}; slots of a piece differ by up to "
-            f"{np.degrees(planks.stuck[worst]):.0f} degrees from their middle direction ({worst}): use smaller bolts "
-            "or thinner planks to make room for more splices, or choose strips or bars"
+            f"{np.degrees(planks.stuck[worst]):.0f} degrees from their mean direction ({worst}): use smaller bolts or "
+            f"thinner planks to make room for more splices, or choose the route strips or bars"
         )
 
 
@@ -251,13 +256,18 @@ def _omission_lines(plan: PlankPlan) -> Iterator[str]:
     if plan.stock.lap and planks.splice_count:
         yield scarf_line(planks.splice_count, plan.stock.lap)
     if planks.splices_near_nodes:
-        yield f"{planks.splices_near_nodes} of {planks.splice_count} splices are nearer to a node than they should be"
+        yield f"{planks.splices_near_nodes} of {planks.splice_count} splices are too close to a node"
     if planks.level_ends:
-        yield f"{planks.level_ends} ends at supports are cut along the ground"
+        yield f"{planks.level_ends} ends of planks at supports are cut parallel to the ground"
     if planks.shortened:
         names, nodes = names_and_count(planks.shortened), names_and_count(planks.missed_nodes)
-        singular = f"{names} stops before its ends, where it would run into another plank of the family or curl up"
-        plural = f"{names} stop before their ends, where they would run into another plank of the family or curl up"
+        singular = (
+            f"{names} stops before its ends, because the plank would meet another plank of the same family or curl up"
+        )
+        plural = (
+            f"{names} stop before their ends, because these planks would meet other planks of the same family or curl "
+            f"up"
+        )
         missed = f"; this leaves nodes unreached: {nodes}" if nodes else ""
         yield f"{singular if len(planks.shortened) == 1 else plural}{missed}"
     if planks.vanished:
@@ -265,7 +275,7 @@ def _omission_lines(plan: PlankPlan) -> Iterator[str]:
     plates = [part for part in plan.parts if part.member and not len(part.axis)]
     if plates:
         names = names_and_count([plate.id for plate in plates])
-        yield f"plates lie on the planks, without holes, and are to be screwed on: {names}"
+        yield f"plates without holes lie on the planks; screw these plates on: {names}"
 
 
 def _rounded_down(metres: float) -> str:

@@ -1,4 +1,4 @@
-"""A plank as flat parts."""
+"""Division of a plank into flat parts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -33,7 +33,7 @@ class PlankStock:
 
     @property
     def layering(self) -> Layering:
-        """Rules for the lengths of cover plates and the places of bolts."""
+        """Rules for the lengths of cover plates and the positions of bolts."""
         return Layering(self.thickness, 2, self.bolt)
 
     @property
@@ -238,7 +238,7 @@ class Plank:
         course, y = self.course, self.stock.depth / 2
         past = 0.0 if course.closed else min(UNCERTAIN_WIDTHS * self.member.mean_width, (course.end - course.begin) / 3)
         inside = (course.s >= course.begin + past) & (course.s <= course.end - past)
-        kn, tg = course.kg[inside], course.tg[inside]  # kg of an upright plank is the surface's normal curvature kn
+        kn, tg = course.kg[inside], course.tg[inside]  # an upright plank's kg is the surface's normal curvature
         parts.bends[self.member.id] = self.stock.thickness / 2 * float(np.abs(course.kn[inside]).max(initial=0.0))
         elongations = [np.hypot(1 - side * kn, side * tg) - (1 - side * kn) for side in (y, -y)]
         parts.longer[self.member.id] = max(float(np.trapezoid(x, course.s[inside])) for x in elongations)

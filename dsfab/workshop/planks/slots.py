@@ -1,4 +1,4 @@
-"""Crossings of planks, and the slots that let them pass each other.
+"""Crossings of planks, and the slots through which planks pass each other.
 
          d  assembly direction of the upper plank
     n   /
@@ -48,8 +48,7 @@ class Crossing:
     """Two planks at a node.
     members : lower plank and upper plank.    at : (2,) arc length on the axis of each plank, metres.
     rise    : height of the upper axis above the lower axis, metres.    normal : (3,) unit normal of the surface.
-    ways    : (2, 3) unit tangents of both planks.
-    angle   : angle between the tangents, at most 90 degrees, radians."""
+    ways : (2, 3) unit tangents of both planks.    angle : angle between the tangents, at most 90 degrees, radians."""
 
     node: str
     members: tuple[str, str]
@@ -63,7 +62,8 @@ class Crossing:
         lock_floats(self, normal=(3,), ways=(2, 3))
 
     def slot_leans(self, direction: Floats) -> tuple[float, float]:
-        """Return the widening of the lower and the upper plank's slot for an assembly direction (3,)."""
+        """Return the lower and the upper plank's `Slot.lean`, so that the planks slide together along `direction` (3,).
+        The lean is the growth of a slot's width per metre of height."""
         along_lower, along_upper, up = np.linalg.solve(np.stack([*self.ways, self.normal], axis=1), direction)
         return float(along_lower / up), float(-along_upper / up)
 
@@ -83,7 +83,8 @@ class Slot:
     above: bool
 
     def mouth(self, edge: float) -> tuple[float, float]:
-        """Return the two ends (m) of the slot at a height `edge` (m), from the middle of the slot's bottom."""
+        """Return the positions (m) of the slot's two sides at the height `edge` (m) above the axis.
+        Positions are measured along the plank from the middle of the slot's bottom."""
         widening = self.lean * abs(edge - self.y)
         return -self.half + min(widening, 0.0), self.half + max(widening, 0.0)
 
@@ -102,7 +103,7 @@ def slot_width(thickness: float, angle: float) -> float:
 
 
 def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
-    """Return the families from the lowest to the uppermost; up : (3,) unit vector."""
+    """Return the families of members, sorted by the height at which members begin. up : (3,) upward unit vector."""
     z = graph.sheet.surface.V @ up
     begins: dict[str, list[float]] = {family: [] for family in STANDING_ORDER}
     for member in graph.members:
@@ -153,10 +154,9 @@ class PlankParts:
     order        : families, from the lowest planks to the uppermost.
     crowded      : slots that would run into a neighbouring slot, "N007 in A02".
     slide_angles : largest angle between the assembly direction and the slots, by piece, radians.
-    stuck        : largest angle of pieces that cannot slide on lower planks, radians.
+    stuck        : the same angle, by piece, only for pieces that cannot slide onto lower planks, radians.
     shortened    : members that stop early.    missed_nodes : nodes that these members do not reach.
-    longer       : by how much twist lengthens the edges, by member, metres.
-    bends        : bending strain, by member."""
+    longer : largest elongation of an edge by twist, by member, metres.    bends : bending strain, by member."""
 
     order: tuple[str, ...]
     pieces: list[FlatPart] = field(default_factory=list)

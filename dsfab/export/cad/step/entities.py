@@ -20,7 +20,7 @@ from dsfab.export.writing import TRAILING_ZEROS, comma_separated_rows, one_line,
 COLOURS = ((0.62, 0.66, 0.70), (0.80, 0.62, 0.42), (0.45, 0.62, 0.72), (0.60, 0.70, 0.50), (0.72, 0.55, 0.60))
 """Colours of the pieces in turn, as red, green and blue. They are muted, so that edges stay visible."""
 
-DIGITS = 6  # number of decimals (coordinates in mm) for curves, and in the search for coplanar triangles
+DIGITS = 6  # decimals of coordinates (mm) for curves, and for the search for coplanar triangles
 DIRECTION_DIGITS = 11  # decimals of directions; rounding moves the end of an edge of 100 m by under 1e-6 mm
 FIRST_FREE = 19  # first free entity number after the header of the file
 
@@ -37,7 +37,7 @@ def piece_name(name: str, i: int, pieces: int) -> str:
 
 
 def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int, name: str) -> Iterator[str]:
-    """Yield the last entities of a STEP file, numbered from `free`.
+    """Yield the text of the last entities of a STEP file (solids, colours, products), numbered from `free`.
     shell, faces : (f,) shell and entity number of each face.    solids : shells of each solid, the outer first."""
     entities_after = StepEntities(free)
     styles = [_style(entities_after, colour) for colour in COLOURS[: len(solids)]]
@@ -54,10 +54,11 @@ def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int, name: 
 
 
 class StepEntities:
-    """Numbered entities of a file."""
+    """Numbered entities of a STEP file and their text."""
 
     def __init__(self, free: int = FIRST_FREE, extra_digits: int = 0) -> None:
-        """Begin a list. free : first entity number.    extra_digits : additional decimals of points and directions."""
+        """Begin an empty list. free : first entity number.
+        extra_digits : number of additional decimals of points and directions."""
         self.free, self.text = free, list[str]()
         self._digits, self._direction_digits = DIGITS + extra_digits, DIRECTION_DIGITS + extra_digits
         self._numbers, self._points = dict[str, int](), dict[tuple[float, ...], int]()
@@ -68,24 +69,25 @@ class StepEntities:
         return self.free - 1
 
     def add(self, body: str, shared: bool = False) -> int:
-        """Add an entity and return its number. shared : True to return an equal entity, if any."""
+        """Add an entity with the text `body` and return its number.
+        shared : True to return the number of an equal entity, if any."""
         if shared:
             return self.once(body)
         self.text.append(f"#{self.free}={body};\n")
         return self.next()
 
     def once(self, body: str) -> int:
-        """Add an entity unless it exists, and return its number."""
+        """Add an entity with the text `body` unless an equal entity exists. Return its number."""
         if body not in self._numbers:
             self._numbers[body] = self.add(body)
         return self._numbers[body]
 
     def point(self, p: Floats) -> int:
-        """Return the number of a point p (3,), millimetres."""
+        """Return the entity number of a point p (3,), millimetres."""
         return self.once(f"CARTESIAN_POINT('',{step_list(p, self._digits)})")
 
     def points(self, points: Floats, digits: int) -> Iterator[int]:
-        """Yield the numbers of points (k, 3), millimetres, or (k, 2) on a surface, rounded to `digits` decimals."""
+        """Yield entity numbers of points (k, 3), mm, or surface parameters (k, 2), rounded to `digits` decimals."""
         for p in map(tuple, (np.round(points, digits) + 0.0).tolist()):
             if p not in self._points:
                 text = ",".join([f"{v:.{digits}f}".rstrip("0") for v in p])
@@ -110,7 +112,8 @@ class StepEntities:
         return self.add(f"PLANE('',#{axes})")
 
     def curve(self, curve: Curve, poles: Floats, title: str = "", bounded: bool = False) -> int:
-        """Add a curve with poles (p, 3), mm: a line (a polyline of two points if `bounded`) or a spline."""
+        """Add a curve with poles (p, 3), mm: a spline, or for a straight `curve` a line. Return its entity number.
+        bounded : True to write a straight curve as a polyline of two points.    title : name of the entity."""
         if curve.is_straight and bounded:
             return self.add(f"POLYLINE('{title}',{references([self.point(p) for p in poles])})")
         if curve.is_straight:
@@ -118,7 +121,7 @@ class StepEntities:
         return self.spline(curve.degree, [self.point(p) for p in poles], knot_text(curve.knots), title)
 
     def spline(self, degree: int, poles: list[int], knots: KnotText, title: str = "", shared: bool = False) -> int:
-        """Add a spline curve. poles : entity numbers of its control points."""
+        """Add a B-spline curve. poles : entity numbers of poles.    shared : True to return an equal curve, if any."""
         return self.add(
             f"B_SPLINE_CURVE_WITH_KNOTS('{title}',{degree},{references(poles)},.UNSPECIFIED.,.F.,.F.,"
             f"{knots[0]},{knots[1]},.UNSPECIFIED.)",
@@ -130,7 +133,7 @@ class StepEntities:
         return self.spline(len(poles) - 1, poles, bezier_knots(len(poles)), shared=shared)
 
     def spline_surface(self, degrees: tuple[int, int], rows: Iterable[list[int]], u: KnotText, v: KnotText) -> int:
-        """Add a spline surface. rows : entity numbers of the poles. u, v : knots in each of the two directions."""
+        """Add a B-spline surface. rows : entity numbers of poles by row.    u, v : knots in each direction, as text."""
         poles = ",".join(references(row) for row in rows)
         return self.add(
             f"B_SPLINE_SURFACE_WITH_KNOTS('',{degrees[0]},{degrees[1]},({poles}),.UNSPECIFIED.,.F.,.F.,.F.,"
@@ -138,20 +141,21 @@ class StepEntities:
         )
 
     def parameter_curve(self, surface: int, curve: int) -> int:
-        """Add a curve in the parameters of a surface."""
+        """Add a parameter-space curve (PCURVE) of a surface. surface, curve : entity numbers."""
         flat = self.once(f"DEFINITIONAL_REPRESENTATION('',(#{curve}),#{self.once(PARAMETER_CONTEXT)})")
         return self.add(f"PCURVE('',#{surface},#{flat})")
 
     def vertex(self, point: int, shared: bool = False) -> int:
-        """Add a vertex. point : entity number. shared : True to return an equal vertex, if any."""
+        """Add a vertex. point : entity number of its point.    shared : True to return an equal vertex, if any."""
         return self.add(f"VERTEX_POINT('',#{point})", shared)
 
     def edge(self, start: int, end: int, curve: int, shared: bool = False) -> int:
-        """Add an edge between two vertices along a curve. shared : True to return an equal edge, if any."""
+        """Add an edge between two vertices along a curve. start, end, curve : entity numbers.
+        shared : True to return an equal edge, if any."""
         return self.add(f"EDGE_CURVE('',#{start},#{end},#{curve},.T.)", shared)
 
     def wire(self, steps: list[tuple[int, bool]], kind: str = "FACE_OUTER_BOUND") -> int:
-        """Add a closed row of edges. steps : edges in order, and True for edges that run forwards."""
+        """Add a closed loop of edges. steps : entity number of each edge, and True if the edge runs forwards."""
         oriented = [self.add(f"ORIENTED_EDGE('',*,*,#{edge},.{'T' if forwards else 'F'}.)") for edge, forwards in steps]
         loop = self.add(f"EDGE_LOOP('',{references(oriented)})")
         return self.add(f"{kind}('',#{loop},.T.)")
@@ -161,7 +165,7 @@ class StepEntities:
         return self.add(f"ADVANCED_FACE('',{references(bounds)},#{surface},.{'T' if same_sense else 'F'}.)")
 
     def file(self, pieces: list[list[int]], name: str, description: str) -> Iterator[str]:
-        """Yield the text of the file. pieces : entity numbers of the faces of each solid."""
+        """Yield the text of the whole STEP file. pieces : entity numbers of the faces of each solid."""
         yield header(name, description, len(pieces))
         yield "".join(self.text)
         shells = np.repeat(np.arange(len(pieces)), [len(faces) for faces in pieces])
@@ -169,13 +173,13 @@ class StepEntities:
 
 
 def knot_text(knots: Floats, digits: int = DIGITS) -> KnotText:
-    """Format the knots (k,) of a spline."""
+    """Format the knots (k,) of a spline as two STEP lists: their multiplicities and their different values."""
     values, times = np.unique(knots, return_counts=True)
     return "(" + ",".join(str(k) for k in times.tolist()) + ")", step_list(values, digits)
 
 
 def bezier_knots(count: int) -> KnotText:
-    """Format the knots of a Bezier curve with `count` poles."""
+    """Format the knots of a Bezier curve with `count` poles as two STEP lists: multiplicities and values."""
     return f"({count},{count})", "(0.,1.)"
 
 
@@ -223,7 +227,7 @@ def _solid(entity_list: StepEntities, faces: Ints, shell: Ints, outer: int, void
 
 
 def step_string(name: str) -> str:
-    """Escape a STEP string [ISO 10303-21, 6.4.3]."""
+    """Return `name` with the characters escaped for a STEP string [ISO 10303-21, 6.4.3]."""
     name = name.replace("\\", "\\\\").replace("'", "''")
     return "".join(c if c.isascii() else f"\\X4\\{ord(c):08X}\\X0\\" for c in name)
 
@@ -263,7 +267,7 @@ GLOBAL_UNIT_ASSIGNED_CONTEXT((#10,#11,#12))REPRESENTATION_CONTEXT('',''));
 
 
 def outward_polyhedron(part: Part) -> tuple[Polyhedron, list[list[int]]]:
-    """Return a part's planar faces, and the shells of each solid."""
+    """Return a part's planar faces with outward normals, and the shell numbers of each solid, its outer shell first."""
     shell, solids = solids_of(part)
     inward = np.isin(shell, [i for _, *inner in solids for i in inner])
     return polyhedron(part.V, np.where(inward[:, None], part.F[:, ::-1], part.F), shell), solids
@@ -278,7 +282,8 @@ def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[
 
 
 def planar_faces(shape: Polyhedron, start: int) -> tuple[Iterator[str], Ints, int]:
-    """Return the text of the faces numbered from `start`, the number (f,) of each face, and the first free number."""
+    """Return the text of the faces, with entity numbers from `start`.
+    Return also the entity number (f,) of each face, and the first free number."""
     vectors = distinct_rows(_ratios(shape))
     digits = _digits(shape)
     normals = distinct_rows(np.round(shape.normals, digits))
@@ -312,7 +317,7 @@ def _tables(
 
 
 def _ratios(shape: Polyhedron) -> Floats:
-    """Return exact directions of edges as the smallest whole numbers."""
+    """Return the exact direction (e, 3) of each edge as the smallest possible whole numbers."""
     corners = _corners(shape)
     along = corners[shape.edges[:, 1]] - corners[shape.edges[:, 0]]
     return np.asarray(along / np.maximum(np.gcd.reduce(along, axis=1), 1)[:, None])
@@ -331,10 +336,10 @@ def _digits(shape: Polyhedron) -> int:
 
 
 def faceted_bytes(shape: Polyhedron) -> float:
-    """Return an estimate of the bytes of a file."""
+    """Return an estimate of the size (bytes) of a faceted STEP file."""
     v, e, f = len(shape.points), len(shape.edges), len(shape.normals)
     steps, bounds = len(shape.steps), len(shape.loops) - 1
-    reference = np.log10(FIRST_FREE + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # length of a text like #123
+    reference = np.log10(FIRST_FREE + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # length of an id like #123
     digits = np.log10(max(np.abs(shape.points).max(), 1.0)) + FACETED_DIGITS + 1.5
     ratio = np.log10(np.abs(_ratios(shape)) + 1).mean() + 2.5
     point, direction = 25 + reference + 3 * digits, 20 + reference
@@ -346,7 +351,7 @@ def faceted_bytes(shape: Polyhedron) -> float:
 
 
 def header(name: str, description: str, pieces: int = 1) -> str:
-    """Return the beginning of the file, entities 1 to 18."""
+    """Return the beginning of a STEP file: its header, and the entities 1 to 18."""
     title = step_string(one_line(name))
     product = step_string(piece_name(name, 0, pieces))
     return _HEADER.format(
@@ -368,11 +373,11 @@ class _Lists:
         return [",".join(named[a - start[0] : b - start[0]]) for a, b in pairwise(start)]
 
 
-WARNING = "only programs that know AP242 tessellated geometry open it; FreeCAD 0.20 and gmsh do not"
+WARNING = "only programs that know AP242 tessellated geometry open this file; FreeCAD 0.20 and gmsh do not"
 
 
 def tessellated_entities(part: Part) -> Iterator[str]:
-    """Yield the text of a file with triangles."""
+    """Yield the text of a tessellated STEP file, which has triangles instead of faces."""
     shell, solids = solids_of(part)
     beginning = header(part.name, "tessellated solid (AP242), for viewers", len(solids))
     yield (
@@ -398,7 +403,7 @@ def tessellated_entities(part: Part) -> Iterator[str]:
 
 
 def expected_bytes(part: Part) -> float:
-    """Return an estimate of the bytes of a file with triangles."""
+    """Return an estimate of the size (bytes) of a tessellated STEP file, which has triangles."""
     digits = np.log10(max(np.abs(part.V).max(), 1.0)) + FACETED_DIGITS + 2.5
     return float(1500 + 3 * (digits + 1) * len(part.V) + (3 * np.log10(len(part.V)) + 8) * len(part.F))
 
@@ -413,7 +418,8 @@ def _product(entity_list: StepEntities, i: int, title: str) -> Iterator[str]:
 
 
 def check(part: Part, report: dict[str, float]) -> ReadBack:
-    """Return the content read back. Raises ExportError if the triangles or the volume differ."""
+    """Compare OCCT's report on a tessellated file with the part, and return the result.
+    Raises ExportError if the number of triangles or the volume differs."""
     require_equal(part, "triangles", len(part.F), int(report["triangles"]))
     if not abs(report["volume"] - part.volume) <= READ_BACK * part.volume:
         raise ExportError(f"OCCT reads a wrong volume from the STEP file of {part.name!r}; write step = 'faceted'")

@@ -45,7 +45,7 @@ LIGHT = 8.0  # megabytes; a faceted file up to this size replaces a smooth file 
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the bytes of the part's STEP file. Raises ExportError and BudgetError."""
+    """Yield the bytes of the part's STEP file. Raises ExportError, or BudgetError if the file is too large."""
     faces, size, texts = ENCODERS[part.step](part)
     if faces > part.step_faces:
         raise BudgetError(part, faces, size)
@@ -86,7 +86,7 @@ ENCODERS: dict[str, Callable[[Part], tuple[int, float, Iterable[str]]]] = {
     "faceted": _encode_faceted,
     "tessellated": _encode_tessellated,
 }
-"""Function of each strategy. It returns the number of faces (limit: `step_faces`), the expected bytes, and the text."""
+"""Function of each strategy. It returns the number of faces, the expected size in bytes, and the text of the file."""
 
 
 def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes]) -> Iterator[bytes]:
@@ -119,12 +119,13 @@ def check(part: Part, path: Path) -> ReadBack:
     require_equal(part, "faces", faces, report["faces"])
     if not report["valid"]:
         raise ExportError(
-            f"OCCT finds the STEP solid of {part.name!r} invalid: look for parts that touch or cross; "
-            "write STL or 3MF instead"
+            f"OCCT finds the STEP solid of {part.name!r} invalid: check the solid for parts that touch or cross; "
+            f"write STL or 3MF instead"
         )
     if not report["tessellates"]:
         raise ExportError(
-            f"OCCT makes no triangles of a face of the STEP solid of {part.name!r}; write step = 'faceted'"
+            f"OCCT cannot divide a face of the STEP solid of {part.name!r} into triangles; write step = 'faceted' "
+            f"instead"
         )
     volume_error = report["volume"] / part.volume - 1
     return ReadBack(faces, "faces", volume_error if part.step == "smooth" else check_measure(part, report["volume"]))
@@ -132,11 +133,13 @@ def check(part: Part, path: Path) -> ReadBack:
 
 def _require_same(part: Part, path: Path, text: str) -> None:
     if path.read_bytes() != text.encode("ascii"):
-        raise ExportError(f"the STEP file of {part.name!r} differs from the text that OCCT checked; write it again")
+        raise ExportError(
+            f"the STEP file of {part.name!r} differs from the text that OCCT checked; write the file again"
+        )
 
 
 def inspection(part: Part, path: Path) -> dict[str, Any]:
-    """Return OCCT's report on a file. Raises ExportError."""
+    """Return OCCT's report on the file that was written for a part. Raises ExportError."""
     limit = CHECK_SECONDS + (CHECK_SECONDS_PER_FACE * part.step_faces if part.step in ("faceted", "smooth") else 0)
     try:
         return occt_report("facts", str(path), seconds=limit)
@@ -155,7 +158,7 @@ _BEGINNING_OF_ZIP = (1980, 1, 1, 0, 0, 0)
 
 
 def encode_compressed(part: Part) -> Iterator[bytes]:
-    """Yield a zip archive with the STEP file of the part."""
+    """Yield the bytes of a zip archive with the STEP file of the part."""
     level = 6  # level 9 of deflate takes five times as long and saves 2 %
     package = io.BytesIO()
     entry = zipfile.ZipInfo(f"{one_line(part.name).replace('/', '-')}.stp", _BEGINNING_OF_ZIP)
@@ -182,7 +185,7 @@ def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
 
 
 def encode_brep(part: Part) -> Iterator[bytes]:
-    """Yield the BREP file of the part."""
+    """Yield the bytes of the part's BREP file."""
     chunks = encode(part)
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         step_path, path = Path(folder) / "a.step", Path(folder) / "a.brep"
@@ -205,11 +208,15 @@ def check_brep(part: Part, path: Path) -> ReadBack:
     if part.step == "members":
         volume = member_file(part).volume
         if not abs(report["volume"] - volume) <= READ_BACK * volume:
-            raise ExportError(f"the BREP file of {part.name!r} (step = 'members') has a wrong volume; write STEP")
+            raise ExportError(
+                f"the BREP file of {part.name!r} (step = 'members') has a wrong volume; write STEP instead"
+            )
     else:
-        smooth = smooth_file(part)  # a mesh has less volume than its smooth solid, because mesh edges are chords
+        smooth = smooth_file(part)  # the mesh's volume is no reference, because mesh edges are chords
         if smooth.smooth == smooth.pieces and not abs(report["volume"] - smooth.volume) <= READ_BACK * smooth.volume:
-            raise ExportError(f"the smooth BREP of {part.name!r} reads back with another volume; write STEP instead")
+            raise ExportError(
+                f"the smooth BREP file of {part.name!r} reads back with another volume; write STEP instead"
+            )
     return ReadBack(report["faces"], "faces", report["volume"] / part.volume - 1)
 
 
@@ -218,7 +225,7 @@ COLOURS = {"major": (0.12, 0.31, 0.61), "minor": (0.70, 0.15, 0.12), "keep": (0.
 
 
 def encode_lines(part: Part) -> Iterator[bytes]:
-    """Yield a STEP file of all lines, with a layer and a colour for each family."""
+    """Yield the bytes of a STEP file with all lines of the part. Each family of lines has a layer and a colour."""
     entity_list, layers = StepEntities(), dict[str, list[int]]()
     for line, chain in zip(part.details.lines, chains(part), strict=True):
         layers.setdefault(line.layer, []).append(_line(entity_list, line, chain))

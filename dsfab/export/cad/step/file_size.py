@@ -21,7 +21,7 @@ LOADING_SECONDS = 1.5  # shortest time (seconds) to read a STEP file back, becau
 
 @dataclass(frozen=True)
 class StrategyCost:
-    """Cost of a face: seconds to write and read back, seconds to open, and bytes of memory."""
+    """Cost of each face: `write` seconds to write and read back, `open` seconds to open, and `memory` in bytes."""
 
     write: float
     open: float
@@ -39,7 +39,7 @@ COSTS = {
 
 
 class BudgetError(NotMadeError):
-    """A STEP file has more faces or bytes than `step_faces` or `step_mb`. size : bytes, 0 if unknown."""
+    """Error for a STEP file beyond the limits `step_faces` or `step_mb`. size : bytes of the file, 0 if unknown."""
 
     def __init__(self, part: Part, faces: int, size: float = 0.0) -> None:
         self.part, self.way, self.faces, self.size = part, strategy_of(part), faces, size
@@ -52,13 +52,13 @@ class BudgetError(NotMadeError):
 
     @property
     def strategy(self) -> str:
-        """Strategy of the file, with the tolerance of a simplified mesh."""
+        """Name of the strategy, followed by the tolerance if the mesh was simplified."""
         is_within = self.way == "simplified" and self.part.tolerance
         return f"{self.way} within {self.part.tolerance:.2g} mm" if is_within else self.way
 
     @property
     def excess(self) -> str:
-        """Number of faces, or size in MB, that exceeds the limit, as text."""
+        """Text with the number of faces, or the size in MB, that is over the limit."""
         if self.by_faces:
             about = "about " if self.way == "simplified" else ""
             return f"{about}{self.faces:,} {'planar ' if self.way not in ('smooth', 'members') else ''}faces"
@@ -66,19 +66,19 @@ class BudgetError(NotMadeError):
 
     @property
     def limit(self) -> str:
-        """Limit that the file exceeds, as "more than ..."."""
+        """Phrase "more than ..." with the limit that the file exceeds."""
         if self.by_faces:
             return f"more than step_faces = {self.part.step_faces}"
         return f"more than step_mb = {self.part.step_mb:g} MB"
 
     @property
     def reason(self) -> str:
-        """Reason for the refusal, without advice."""
+        """Reason why the file was refused, without advice to the user."""
         return f"a file written as {self.strategy} would have {self.excess}, {self.limit}"
 
     @property
     def cost(self) -> str:
-        """Text: strategy, number of faces, size, and time to write and check the file."""
+        """Text with the strategy, number of faces, size, and time to write and check the file."""
         size = f"{self.size / 1e6:.3g} MB, " if self.size else ""
         seconds = writing_seconds(self.part, self.way, self.faces)
         return f"{self.strategy} {self.faces:,} faces ({size}about {duration(seconds)} to write and check)"
@@ -109,7 +109,7 @@ def advice(error: BudgetError) -> str:
 
 
 def no_strategy_error(refused: Sequence[BudgetError]) -> ExportError:
-    """Return the error if every strategy exceeds the limits."""
+    """Return the error for a part that exceeds the limits of file size with every strategy."""
     final = refused[-1]
     ways = ", ".join({error.way: error.cost for error in refused}.values())
     return NotMadeError(f"every STEP file of {final.part.name!r} would be {final.limit}: {ways}; {advice(final)}")
@@ -142,7 +142,8 @@ def simplified_part(part: Part, tolerance: float) -> Part:
     if result is None or len(result.F) > worth * len(part.F):
         raise ExportError(
             f"{part.name!r} does not become simpler within {tolerance:.3g} mm; allow a larger step_tolerance, or "
-            "coarsen the mesh"
+            f"coarsen "
+            f"the mesh"
         )
     return result
 
@@ -156,7 +157,7 @@ def _require_hope(simple: Part) -> None:
 
 
 def simplification(part: Part, step: float) -> tuple[Part, float]:
-    """Coarsen a part within `step` (mm). Return the new part, and the distance (mm) from the old part.
+    """Coarsen a part's mesh within `step` (mm). Return the new part, and its largest distance (mm) from the old part.
     If coarsening fails, the new part has no triangles, and the distance is infinite."""
     try:
         V, F = coarsen_mesh(part.V, part.F, step)
@@ -173,7 +174,7 @@ def _sound(part: Part, simple: Part, crossing: int) -> bool:
 
 
 def distance(V: Floats, F: Ints, V2: Floats, F2: Ints) -> float:
-    """Return the largest distance between two meshes, V (n, 3) and F (m, 3)."""
+    """Return the largest distance between the meshes V, F and V2, F2, in either direction."""
     forth, back = nearest_places(_samples(V, F), V2, F2).squared, nearest_places(_samples(V2, F2), V, F).squared
     return float(np.sqrt(max(forth.max(), back.max())))
 

@@ -15,7 +15,7 @@ from dsfab.export.part import Part
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
 SAME_PLACE = 1e-3  # points at a smaller distance (mm) count as equal
-WIDTH_SHARE = 0.1  # largest tolerance of a loop, divided by the loop's area / length; keeps narrow loops open
+WIDTH_SHARE = 0.1  # largest tolerance of a loop, divided by its mean width (area / length); keeps narrow loops open
 GAP_SHARE = 0.25  # largest tolerance of a loop, divided by its distance from other loops; keeps curves apart
 
 
@@ -28,7 +28,8 @@ class FlatOutlines:
     """Outlines of a flat sheet, as polylines.
     axes   : (3, 3) unit vectors, right-handed: two in the plane, and the normal of the plane.
     height : heights of the lower and the upper plane along axes[2], mm.
-    pieces : loops of each piece: points (k, 2) along axes[0] and axes[1]; first the outer loop, counter-clockwise."""
+    pieces : loops of each piece, the outer loop first. A loop has points (k, 2) along axes[0] and axes[1].
+             Outer loops are counter-clockwise."""
 
     axes: Floats
     height: tuple[float, float]
@@ -45,19 +46,19 @@ class FlatOutlines:
 
 @dataclass(frozen=True, eq=False)
 class FlatPlate:
-    """Flat sheet with outlines as curves. pieces[i][j] : curves along loop j of piece i."""
+    """Flat sheet with curves as outlines. pieces[i][j] : curves along loop j of piece i."""
 
     outlines: FlatOutlines
     pieces: tuple[tuple[tuple[Curve, ...], ...], ...]
 
     @property
     def faces(self) -> int:
-        """Number of faces."""
+        """Number of faces of the solid."""
         return sum(2 + sum(len(loop) for loop in loops) for loops in self.pieces)
 
     @property
     def deviation(self) -> float:
-        """Largest distance between a curve and its polyline, millimetres."""
+        """Largest distance between a curve and the polyline to which it was fitted, millimetres."""
         return max(curve.deviation for loops in self.pieces for loop in loops for curve in loop)
 
 
@@ -73,11 +74,11 @@ def outlines_of(part: Part) -> FlatOutlines:
         low, high = float(height[used].min()), float(height[used].max())
         if np.minimum(height[used] - low, high - height[used]).max() <= 2 * FLATNESS < high - low:
             return _skin_outlines(part, frame(axis), low, high)
-    raise NotFlatError("the sheet is not flat, or not equally thick")
+    raise NotFlatError("the sheet is not flat, or its thickness varies")
 
 
 def frame(across: Floats) -> Floats:
-    """Return three right-handed unit axes as rows (3, 3); `across` is the last."""
+    """Return three right-handed orthogonal unit axes as rows (3, 3). The last axis is the unit vector `across`."""
     along = np.roll(np.eye(3), -1, axis=0)[np.abs(across).argmax()]
     axis = along - (along @ across) * across
     axis = axis / np.linalg.norm(axis)
@@ -88,25 +89,25 @@ def _skin_outlines(part: Part, axes: Floats, low: float, high: float) -> FlatOut
     upper = part.V @ axes[2] > (low + high) / 2
     top, bottom = (part.F[(side[part.F]).all(axis=1)] for side in (upper, ~upper))
     if not len(top) or not len(bottom):
-        raise NotFlatError("the two skins of the sheet are not flat")
+        raise NotFlatError("the two outer surfaces of the sheet are not flat")
     flat = part.V @ axes[:2].T
     rims = [np.concatenate(boundary_loops(F, edge_table(F))) for F in (top, bottom)]
     over, under = (cKDTree(flat[rim]) for rim in rims)
     if max(np.max(over.query(under.data)[0]), np.max(under.query(over.data)[0])) > SAME_PLACE:
-        raise ExportError("the two skins of the sheet have different outlines")
+        raise ExportError("the two outer surfaces of the sheet have different outlines")
     count, label = pieces(top, edge_table(top))
     piece_loops = []
     for k in range(count):
         loops = [flat[loop] for loop in boundary_loops(top[label == k], edge_table(top[label == k]))]
         areas = np.array([signed_loop_area(loop) for loop in loops])
         if np.count_nonzero(areas > 0) != 1:
-            raise ExportError("a piece of the sheet touches itself, so its outline is not one loop")
+            raise ExportError("a piece of the sheet touches itself, so the outline of this piece is not a single loop")
         piece_loops.append(tuple(loops[i] for i in np.argsort(-areas, kind="stable")))
     return FlatOutlines(axes, (low, high), tuple(piece_loops))
 
 
 def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlate:
-    """Fit curves within `tolerance` (mm) to outlines. corners : (k, 3) ends of curves. Raises ExportError."""
+    """Fit curves within `tolerance` (mm) to outlines. corners : (k, 3) points where curves end. Raises ExportError."""
     tree = cKDTree(corners @ outlines.axes[:2].T) if len(corners) else None
     piece_curves = []
     gaps = iter(gaps_between([loop for loops in outlines.pieces for loop in loops], tolerance))
@@ -118,14 +119,14 @@ def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlat
             loop_tolerance = min(tolerance, WIDTH_SHARE * abs(signed_loop_area(loop)) / length, GAP_SHARE * next(gaps))
             chain = curves_through(loop, marked, loop_tolerance)
             if chain is None:
-                raise ExportError(f"no spline follows an outline of {len(loop)} points within {loop_tolerance:.3g} mm")
+                raise ExportError(f"no spline fits an outline of {len(loop)} points within {loop_tolerance:.3g} mm")
             chains.append(tuple(short for curve in chain for short in split_at_knots(curve)))
         piece_curves.append(tuple(chains))
     return FlatPlate(outlines, tuple(piece_curves))
 
 
 def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> list[float]:
-    """Return for each loop (k, 2) a lower bound (mm) of the distance from other loops; inf if they are far.
+    """Return, for each loop (k, 2), a lower bound (mm) of its distance from the nearest loop; inf if all are far away.
     tolerance : mm.    least : smallest bound, mm. Raises ExportError if outlines touch and `least` is 0."""
     gaps, reach_limit = [np.inf] * len(loops), tolerance / GAP_SHARE
     spacing, remaining = 8 * reach_limit, list(range(len(loops)))
@@ -165,7 +166,7 @@ def signed_loop_area(loop: Floats) -> float:
 
 
 def plate_entities(plate: FlatPlate, name: str) -> Iterator[str]:
-    """Yield the text of the STEP file of a flat sheet."""
+    """Yield the text of the STEP file of a flat sheet. name : name of the part."""
     entity_list = StepEntities()
     pieces = [_piece(entity_list, plate, loops) for loops in plate.pieces]
     yield from entity_list.file(pieces, name, f"flat solid, outline within {plate.deviation:.2g} mm of the mesh")

@@ -34,27 +34,27 @@ from dsfab.surface import CREASE, edge_table
 
 @dataclass(frozen=True, eq=False)
 class Facet:
-    """Planes of both skins of a flat part of a sheet, the upper plane first, millimetres.
-    origin : (2, 3) a point of each plane.
+    """The two planes of a flat part of a sheet, one on each skin, the upper plane first, millimetres.
+    origin : (2, 3) point of each plane.
     axes   : (2, 3, 3) right-handed unit vectors: two in each plane, and the normal upwards."""
 
     origin: Floats
     axes: Floats
 
     def flat(self, points: Floats) -> Floats:
-        """Return coordinates (k, 4) of points (k, 2, 3): two in the upper plane, then two in the lower plane."""
+        """Return coordinates (k, 4) of pairs of points (k, 2, 3): two in the upper plane, then two in the lower."""
         return np.asarray(np.einsum("ksi,sai->ksa", points - self.origin, self.axes[:, :2]).reshape(-1, 4))
 
     def in_space(self, flat: Floats) -> Floats:
-        """Return points (k, 2, 3) in both planes from coordinates (k, 4)."""
+        """Return pairs of points (k, 2, 3), one in each plane, from the coordinates (k, 4) of `flat`."""
         return np.asarray(self.origin + np.einsum("ksa,sai->ksi", flat.reshape(-1, 2, 2), self.axes[:, :2]))
 
 
 @dataclass(frozen=True, eq=False)
 class FlatFacets:
-    """Cut sheet whose faces lie in a few planes (facets), before the vertices are moved into these planes.
+    """Cut sheet with faces in a few planes (facets). Its vertices are not yet exactly in these planes.
     skins : (n, 2, 3) vertices on both skins, mm.    facet : (m,) facet of each face.
-    shift : distance of the sheet's middle from the surface: 0, 1 or -1 half thicknesses."""
+    shift : distance of the sheet's middle from the surface / half the thickness: 0, 1 or -1."""
 
     whole: DividedSheet
     shift: int
@@ -64,7 +64,7 @@ class FlatFacets:
 
     @cached_property
     def has_creases(self) -> bool:
-        """True if folds over 30 degrees are at least half of the length of all folds."""
+        """True if folds over 30 degrees have at least half of the length of all folds."""
         F, upper = self.whole.F, self.skins[:, 0]
         h, k = edge_table(F).pairs.T
         fold = self.facet[h // 3] != self.facet[k // 3]
@@ -77,8 +77,8 @@ class FlatFacets:
 
 @dataclass(frozen=True, eq=False)
 class FoldedSheet:
-    """Sheet of flat facets, millimetres.
-    outline : outlines of regions with their facets (`chart`).    points : (n, 2, 3) vertices on both skins."""
+    """Sheet that consists of flat facets, millimetres.
+    outline : outlines of all facets; each chart is a facet.    points : (n, 2, 3) vertices on both skins."""
 
     outline: SheetOutline
     facets: dict[int, Facet]
@@ -113,10 +113,10 @@ def folded_sheet(part: Part) -> FoldedSheet | None:
 def _facets(part: Part) -> FlatFacets:
     rough = 1e-4  # largest rounding error of vertices in mesh files, divided by the thickness
     if part.curved is None:
-        raise NotFlatError("the sheet that the solid was made from is unknown")
+        raise NotFlatError("the solid has no data of the sheet from which dsfab made the solid")
     curved = part.curved()
     if len(curved.twins):
-        raise NotFlatError("the surface has one side only, so it has no two skins")
+        raise NotFlatError("the surface is one-sided, so the solid does not have two separate outer surfaces")
     divided_sheet = curved.divided(np.ones((len(curved.V), 1)))
     skins = both_skins(divided_sheet, curved.shift)
     thickness = 2 * float(np.median(np.linalg.norm(MM_PER_M * divided_sheet.D, axis=1)))
@@ -125,7 +125,7 @@ def _facets(part: Part) -> FlatFacets:
     facet = np.unique(np.stack(planes, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
     _require_few_facets(facet)
     if float(np.max(cKDTree(part.V).query(skins[np.unique(divided_sheet.F)].reshape(-1, 3))[0])) > rough * thickness:
-        raise NotFlatError("the solid does not match its sheet")
+        raise NotFlatError("the solid does not match the sheet from which dsfab made the solid")
     return FlatFacets(divided_sheet, curved.shift, skins, facet, thickness)
 
 
@@ -157,8 +157,8 @@ def _plane(skins: Floats, F: Ints) -> Facet:
 
 
 def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
-    """Return the vertices (n, 2, 3) in the planes of their facets.
-    Return also a mask (n,) of vertices whose planes have no common point."""
+    """Move the vertices (n, 2, 3) into the planes of the facets around them.
+    Return also a mask (n,): True for vertices at planes without a common point."""
     exact = 1e-5  # largest distance (mm) of a corner from the planes that meet at the corner
     count = np.bincount(facet)
     planes = {int(k): _plane(skins, F[facet == k]) for k in np.flatnonzero(count > 1)}
@@ -179,8 +179,8 @@ def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools
 
 @dataclass(frozen=True, eq=False)
 class FoldedShape:
-    """Folded sheet. walls : for each part of an outline, the curves along its walls (faces through the thickness).
-    Poles (p, 4) have two coordinates in the upper plane, then two in the lower plane."""
+    """Folded sheet. walls : by part of an outline, the curves along its walls (faces through the thickness).
+    The poles (p, 4) of a curve have two coordinates in the upper plane, then two in the lower plane."""
 
     sheet: FoldedSheet
     walls: dict[RunKey, list[Curve]]
@@ -192,12 +192,12 @@ class FoldedShape:
 
     @property
     def deviation(self) -> float:
-        """Largest distance of a curve from its polyline, millimetres."""
+        """Largest distance of a curve from the polyline to which it was fitted, millimetres."""
         return max((curve.deviation for chain in self.walls.values() for curve in chain), default=0.0)
 
 
 def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
-    """Fit the walls as curves within a tolerance (mm); raises ExportError if no curve fits."""
+    """Fit curves along the walls of a folded sheet within a tolerance (mm). Raises ExportError if a fit fails."""
     walls, least_gap = dict[RunKey, list[Curve]](), tolerance / 8  # least gap between openings and folds, mm
     for region in sheet.outline.regions:
         facet, lines = sheet.facets[region.chart], region_lines(sheet, region)
@@ -212,12 +212,12 @@ def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
 
 
 def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
-    """Return the loops (k, 4) of a region in the upper and the lower plane; the outer loop is counter-clockwise.
+    """Return a region's loops (k, 4) in the coordinates of `Facet.flat`. The outer loop is counter-clockwise.
     Raises ExportError unless the region has one outer loop."""
     facet = sheet.facets[region.chart]
     lines = [facet.flat(sheet.points[np.concatenate([run.vertices[:-1] for run in loop])]) for loop in region.loops]
     if any(sum(signed_loop_area(line[:, s : s + 2]) > 0 for line in lines) != 1 for s in (0, 2)):
-        raise ExportError("a facet of the sheet touches itself, so its outline is not one loop")
+        raise ExportError("a facet of the sheet touches itself, so the outline of this facet is not a single loop")
     return lines
 
 
@@ -228,7 +228,7 @@ def _curve(line: Floats, tolerance: float) -> Curve:
     columns = [np.interp(x, shares[i // 2], column) for i, column in enumerate(line.T)]
     curve = fitted_curve(np.stack(columns, axis=1), tolerance)
     if curve is None:
-        raise ExportError(f"no spline follows an outline of {len(line)} points within {tolerance:.3g} mm")
+        raise ExportError(f"no spline fits an outline of {len(line)} points within {tolerance:.3g} mm")
     return curve
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
 from dsfab.surface.topology import EdgeTable, edge_table, link_components
 
-FLATNESS = 1e-5  # precision of Parasolid: largest distance (mm) of vertices from the plane or long edge of joined faces
+FLATNESS = 1e-5  # largest distance (mm) of vertices from the plane or edge of joined faces; Parasolid's precision
 
 
 def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FLATNESS) -> tuple[Ints, Floats]:
@@ -45,19 +45,19 @@ def _off_plane(corners: Floats, vectors: Floats, region: Ints) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class FaceOutlines:
-    """Outlines of faces as loops of half-edges (directed edges): loop i is h[start[i] : start[i + 1]]."""
+    """Outlines of faces as loops of half-edges (directed edges). Loop i consists of h[start[i] : start[i + 1]]."""
 
     h: Ints
     start: Ints
 
     @property
     def loop(self) -> Ints:
-        """Number (h,) of the loop of each half-edge."""
+        """Number (h,) of the loop that contains each half-edge."""
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
     @property
     def next(self) -> Ints:
-        """Position (h,) of the next half-edge in the same loop, for each half-edge."""
+        """For each half-edge, the position (h,) of the next half-edge of its loop."""
         onward = np.arange(1, len(self.h) + 1)
         onward[self.start[1:] - 1] = self.start[:-1]
         return onward
@@ -86,7 +86,7 @@ def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
 
 
 def simple_loops(outline: FaceOutlines, F: Ints) -> FaceOutlines:
-    """Cut the loops of faces F (m, 3) at repeated vertices."""
+    """Cut loops that visit a vertex several times into loops that visit each vertex once. F : (m, 3) triangles."""
     vertex = F.ravel()[outline.h]
     visits = np.sort(outline.loop * (int(F.max()) + 1) + vertex)
     touching = set((visits[1:][visits[1:] == visits[:-1]] // (int(F.max()) + 1)).tolist())
@@ -100,7 +100,7 @@ def simple_loops(outline: FaceOutlines, F: Ints) -> FaceOutlines:
 
 
 def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
-    """Cut a loop of half-edges h (k,), which begin at `vertices`, into loops without repeated vertices."""
+    """Cut a loop of half-edges h (k,), which start at `vertices` (k,), into loops that visit each vertex once."""
     loops, path, place = [], list[int](), dict[int, int]()
     visited: list[int] = []
     for half_edge, vertex in zip(h, vertices, strict=True):
@@ -117,7 +117,8 @@ def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
 
 
 def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
-    """Return the positions of the last corner at or before, and of the next corner after, each half-edge (h,)."""
+    """Return, for each half-edge, the positions (h,) of the last corner up to it, and of the next corner.
+    alive : (h,) True for half-edges that start at a corner."""
     corner_positions = np.flatnonzero(alive)
     loop = outline.loop
     loop_first = np.searchsorted(corner_positions, outline.start[:-1])
@@ -128,7 +129,8 @@ def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
 
 
 def step_positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
-    """Return the positions (p,) of all steps of `loops` (k,), and the index of the loop of each step."""
+    """Return the positions (p,) of all half-edges in the loops with the numbers `loops` (k,).
+    Return also the index (p,) of each half-edge's loop.    start : position of each loop's first half-edge."""
     length = np.diff(start)[loops]
     loop = np.repeat(np.arange(len(loops)), length)
     return (start[loops] - np.cumsum(length) + length)[loop] + np.arange(len(loop)), loop
@@ -159,7 +161,7 @@ class Polyhedron:
 
 
 def polyhedron(V: Floats, F: Ints, shell: Ints) -> Polyhedron:
-    """Build planar faces of a closed triangle mesh. shell : (m,) shell of each triangle."""
+    """Build the planar faces of a closed triangle mesh. shell : (m,) number of each triangle's shell."""
     table = edge_table(F)
     opposite = np.empty(3 * len(F), dtype=np.int64)
     opposite[table.pairs[:, 0]], opposite[table.pairs[:, 1]] = table.pairs[:, 1], table.pairs[:, 0]
@@ -235,7 +237,8 @@ def _numbered_polyhedron(
 def _long_edges(
     F: Ints, table: EdgeTable, outline: FaceOutlines, alive: Bools
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
-    """Return the first vertex of each step (straight part of a loop), the first step of each loop, and the edges."""
+    """Join half-edges to steps (straight parts of loops).
+    Return the first vertex of each step, the first step of each loop, and the edges of the steps."""
     a = F.ravel()[outline.h]
     is_corner = alive[a]
     run, end = ends_of_runs(is_corner, outline)
@@ -250,7 +253,7 @@ def _long_edges(
 
 
 def _loop_areas(V: Floats, begin: Ints, start: Ints, face_of_loop: Ints, normals: Floats) -> Floats:
-    """Return twice the area (l,) inside each loop, negative if clockwise; 0 for a face's only loop."""
+    """Return twice the area (l,) inside each loop, negative if it is clockwise. A face's only loop gets 0."""
     around = np.zeros(len(face_of_loop))
     many = np.flatnonzero(np.bincount(face_of_loop)[face_of_loop] > 1)
     if len(many):

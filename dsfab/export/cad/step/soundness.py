@@ -27,9 +27,9 @@ REDRAWING_ROUNDS = 2  # largest number of rounds; each round makes the triangles
 
 
 class StepTriangles(NamedTuple):
-    """Triangles of a STEP file.
-    V    : (n, 3) different points, m.    F    : (m, 3) triangles, counter-clockwise from outside.
-    face : (m,) face of the file.         lost : number of dropped triangles."""
+    """Triangles of the solids in a STEP file.
+    V    : (n, 3) points, m, all different.    F : (m, 3) triangles, counter-clockwise seen from outside.
+    face : (m,) number of the STEP face of each triangle.    lost : number of dropped triangles."""
 
     V: Floats
     F: Ints
@@ -38,7 +38,7 @@ class StepTriangles(NamedTuple):
 
 
 def step_triangles(mesh: StepMesh) -> StepTriangles:
-    """Return OCCT's triangles in metres, with one point at each place."""
+    """Convert OCCT's triangles to metres, and merge points at the same place."""
     same_place = 1e-9  # points closer than 1e-9 * diagonal merge; OCCT triangulates each face separately
     grid = np.round(mesh.V / (same_place * float(np.linalg.norm(np.ptp(mesh.V, axis=0)))))
     _, once, point_number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
@@ -52,14 +52,14 @@ def curved_soundness(
 ) -> Soundness:
     """Judge a solid with curved faces by its triangles. Raises ExportError if OCCT takes too long.
     deflection : largest distance of the triangles from curved faces, m; 0 without such faces.
-    shape      : OCCT's binary shape of the file."""
+    shape      : OCCT's binary shape of the file.    on_redraw : function to call before each finer triangulation."""
     sound, triangles = soundness(first_triangles.V, first_triangles.F), first_triangles
     crossing_faces: Ints = np.zeros(0, dtype=np.int64)
     for k in range(1, REDRAWING_ROUNDS + 1):
         if not deflection or {fault.kind for fault in sound.faults} != {"crossing"}:
             break
         on_redraw()
-        crossing_faces = np.union1d(crossing_faces, triangles.face[sound.crossings])  # faces of earlier rounds stay
+        crossing_faces = np.union1d(crossing_faces, triangles.face[sound.crossings])  # with faces of earlier rounds
         faces = _faces_near(first_triangles, crossing_faces, deflection)
         sound, triangles = _redraw(sound, first_triangles, faces, deflection / 4**k, shape)
     return sound
@@ -80,7 +80,7 @@ def triangle_fault(first_triangles: StepTriangles, deflection: float, shape: byt
         return ""
     fault = sound.faults[0]
     place = ", ".join(f"{x:.4g}" for x in fault.place)
-    return f"{fault.message.partition(':')[0]} where OCCT draws the solid as triangles, at ({place}) m"
+    return f"{fault.message.partition(':')[0]} when OCCT divides the solid into triangles, at ({place}) m"
 
 
 def _faces_near(triangles: StepTriangles, faces: Ints, deflection: float) -> Ints:
@@ -107,7 +107,7 @@ def _redraw(
 
 
 def _same_topology(coarse: StepTriangles, fine: StepTriangles) -> bool:
-    """Return True if `fine` is an oriented manifold with the Euler number of the same faces in `coarse`."""
+    """Return True if `fine` is an oriented manifold with the same Euler number as its faces have in `coarse`."""
     selected = np.isin(coarse.face, fine.face)
     edges = edge_table(fine.F)
     crowded = (edges.count > 2).any() or len(duplicate_faces(fine.F))
@@ -131,7 +131,7 @@ class SampledUse:
 
 @derived
 def smooth_use(part: Part) -> SampledUse:
-    """Return the result of a trial cut of the solid in a part's smooth file."""
+    """Let OCCT cut the solid in a part's smooth file as a trial, and return the result."""
     most_faces = 500  # largest number of faces for a trial cut (half a minute for 1400 faces)
     file = smooth_file(part)
     if not part.cut or file.faces > most_faces:
@@ -140,7 +140,7 @@ def smooth_use(part: Part) -> SampledUse:
 
 
 def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffix: str = ".step") -> SampledUse:
-    """Cut the solid in a file once, and compare its box with the part's box.
+    """Cut the solid in a file once as a trial, and compare the solid's bounding box with the part's box.
     file : STEP text, or OCCT's binary shape (`suffix` ".bin")."""
     if faces > MOST_FACES:
         return SampledUse(False)
@@ -150,20 +150,24 @@ def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffi
 
 
 def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
-    """Cut the solid in a file; return the fault or "", and the solid's box (6 numbers, mm, or [])."""
+    """Cut the solid in a file as a trial. Return the fault or "", and the solid's box (6 numbers, mm, or [])."""
     seconds = 30.0 + 0.03 * faces  # several times the usual duration of a trial cut
     try:
         report = occt_report("sample", str(path), seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError):
-        return f"OCCT did not cut the solid within {seconds:.0f} s of processor time", []
+        return f"OCCT did not complete a trial cut within {seconds:.0f} s of processor time", []
     if not report["halves"]:
-        return "a trial cut in OCCT leaves an invalid half", report["box"]
+        return "a trial cut in OCCT makes a half that is not valid", report["box"]
     is_lossy = report["off"] > TOGETHER_LIMIT
-    return f"OCCT's trial cut changes the volume by {report['off']:.1e} (relative)" if is_lossy else "", report["box"]
+    return (
+        f"a trial cut in OCCT changes the total volume by {report['off']:.1e} (relative)" if is_lossy else "",
+        report["box"],
+    )
 
 
 def use_report(text: str, seconds: float) -> dict[str, Any]:
-    """Return OCCT's report on trials with a file. Raises ProgramError or TimeoutExpired."""
+    """Return OCCT's report on trial cuts and fillets with a STEP file. Raises ProgramError or TimeoutExpired.
+    text : content of the file.    seconds : limit of processor time."""
     with _file(text.encode("ascii")) as path:
         return occt_report("use", str(path), seconds=seconds)
 
@@ -178,8 +182,8 @@ def _file(content: bytes, suffix: str = ".step") -> Iterator[Path]:
 
 def box_fault(part: Part, bounds: list[float], limits: SmoothLimits, share: float = 1e-2) -> str:
     """Return a sentence if OCCT's bounding box differs from the part's box, else "".
-    bounds : six numbers of OCCT's box, mm.    share : largest relative error."""
+    bounds : six numbers of OCCT's box, mm.    share : largest error / diagonal of the part's box."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     distance = float(np.abs(np.array(bounds).reshape(2, 3) - part.box).max())
     is_far = distance > share * size + limits.distance + limits.usual_chord
-    return f"OCCT's bounding box of the solid is {distance:.3g} mm off" if is_far else ""
+    return f"the bounding box that OCCT computes for the solid is wrong by {distance:.3g} mm" if is_far else ""

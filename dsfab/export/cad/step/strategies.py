@@ -1,4 +1,4 @@
-"""Strategies to write a solid as STEP, with estimated costs and messages about the choice."""
+"""Strategies for writing a solid as STEP: their estimated costs, and messages about the choice."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -35,11 +35,11 @@ from dsfab.surface.topology import edge_table, half_edges
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
 
 QUICK_FACTOR = 3
-"""Factor for step = 'quick': multiplies the usual largest numbers of walls and of layouts (divisions into charts).
-If OCCT refuses the first layout, another layout often succeeds, because its seams lie elsewhere."""
+"""Factor by which step = 'quick' raises the limits for numbers of walls and layouts (divisions into charts).
+If OCCT refuses the first layout, a second layout with different seams often succeeds."""
 
 MEMBER_FACES_FACTOR = 2
-"""If a faceted file is too large, step = 'auto' tries step = 'members' with this multiple of the usual limit of faces.
+"""Factor on the usual limit of faces when step = 'auto' tries step = 'members', after a faceted file was too large.
 The next attempt would be a smooth file, which CAD programs usually fail to cut."""
 
 
@@ -49,19 +49,19 @@ def prepare(part: Part) -> Part:
     V, coarse = (np.round(part.V, digits) + 0.0 for digits in (DIGITS, FACETED_DIGITS))
     ends = np.stack(half_edges(part.F))
     short = ends[:, (coarse[ends[0]] == coarse[ends[1]]).all(axis=1)]
-    V[short] = coarse[short]  # the ends of short edges get fewer decimals and merge
+    V[short] = coarse[short]  # short edges collapse: their ends get fewer decimals and coincide
     part = without_collapsed(part, V, f"a STEP file with {FACETED_DIGITS} decimals")
     crowded = int((edge_table(part.F).count != 2).sum())
     if crowded:
         raise ExportError(
-            f"{part.name!r} has more than two triangles at {count_phrase(crowded, 'edge')}, which no STEP solid can "
-            "have; write STL or 3MF instead"
+            f"{part.name!r} has more than two triangles at {count_phrase(crowded, 'edge')}, but a STEP solid has two "
+            f"faces at each edge; write STL or 3MF instead"
         )
     return part
 
 
 def attempts(part: Part) -> Iterator[Part | BudgetError]:
-    """Yield versions of the part for each strategy, the best first.
+    """Yield a version of the part for each possible strategy, the best strategy first.
     A BudgetError replaces each version that is too large."""
     tighter = 1 / 4  # tolerance of the second planar file, as a fraction of the first; closer curves cross less often
     flat, chosen = 0.0, part.step in ("auto", "quick")
@@ -135,12 +135,12 @@ def _simpler_or_error(part: Part, tolerance: float) -> Part | ExportError:
 
 
 def simpler(part: Part, tolerance: float) -> Part:
-    """Simplify the part within a tolerance (mm). Raises ExportError if that fails, BudgetError for too many faces."""
+    """Simplify a part within a tolerance (mm). Raises ExportError for a failure, BudgetError for too many faces."""
     return prepare(simplified_part(replace(part, tolerance=tolerance), tolerance))
 
 
 def default_tolerance(part: Part) -> float:
-    """Return the default tolerance of a planar file, mm; 0 if the solid is not suitable."""
+    """Return the default tolerance (mm) of a STEP file of a flat or folded sheet; 0 for other solids."""
     try:
         return OUTLINE * outlines_of(part).thickness
     except ExportError:
@@ -209,7 +209,7 @@ def _is_by_members(error: ExportError) -> bool:
 
 
 def reasons(refused: Sequence[ExportError]) -> list[str]:
-    """Return the reasons why strategies were refused, each once."""
+    """Return the reasons why strategies were refused, without repetitions."""
     remaining = [error for error in refused if not isinstance(error, NotFlatError)] or refused
     return list(dict.fromkeys(_reason_with_advice(error, str(error)) for error in remaining))
 
@@ -221,7 +221,7 @@ def _reason_with_advice(error: ExportError, why: str) -> str:
 
 
 def refusal(refused: Sequence[ExportError]) -> ExportError:
-    """Return the error for a part that no strategy can write."""
+    """Return the error for a part that no strategy can write. refused : errors of the tried strategies."""
     over = [error for error in refused if isinstance(error, BudgetError)]
     if not over:
         return refused[-1]
@@ -237,8 +237,8 @@ def refusal(refused: Sequence[ExportError]) -> ExportError:
 class Estimate:
     """Estimated cost of one strategy.
     way           : planar, members, smooth, faceted, simplified (fewer triangles, then faceted), tessellated.
-    faces         : number of faces, or of triangles for tessellated; 0 if the strategy fails.
-    size, memory  : bytes.
+    faces         : number of faces, or of triangles if tessellated; 0 if the strategy fails.
+    size, memory  : size of the file, and memory to open it, bytes.
     write_seconds : time to write the file and to read the file back.
     open_seconds  : time for another program to open the file.
     refused       : reason for the refusal, or "".
@@ -305,7 +305,7 @@ def _requested_estimate(part: Part, strategy: str) -> Estimate:
 
 def _estimate_planar(part: Part) -> tuple[int, float, str]:
     file = planar_file(part)
-    return file.faces, float(sum(map(len, file.texts))), f"its outline within {file.deviation:.2g} mm of the mesh"
+    return file.faces, float(sum(map(len, file.texts))), f"the outline is within {file.deviation:.2g} mm of the mesh"
 
 
 def _estimate_by_members(part: Part) -> tuple[int, float, str]:
@@ -316,7 +316,7 @@ def _estimate_by_members(part: Part) -> tuple[int, float, str]:
 def _estimate_smooth(part: Part) -> tuple[int, float, str]:
     if default := default_tolerance(part):
         raise ExportError(f"the sheet is flat or folded; write step = 'planar' (within {default:.2g} mm)")
-    note = "not checked yet: pieces that OCCT refuses are fitted again, and become faceted if that fails"
+    note = "not checked yet: dsfab fits pieces that OCCT refuses again, and writes them faceted if the second fit fails"
     return *first_draft(part), note
 
 
@@ -326,7 +326,11 @@ def _estimate_faceted(part: Part) -> tuple[int, float, str]:
 
 
 def _estimate_tessellated(part: Part) -> tuple[int, float, str]:
-    return len(part.F), entities.expected_bytes(part), f"same triangles as mesh; only on request: {entities.WARNING}"
+    return (
+        len(part.F),
+        entities.expected_bytes(part),
+        f"the file has the same triangles as the mesh; dsfab writes this kind only on request: {entities.WARNING}",
+    )
 
 
 SHAPES: dict[str, Callable[[Part], tuple[int, float, str]]] = {
@@ -336,6 +340,6 @@ SHAPES: dict[str, Callable[[Part], tuple[int, float, str]]] = {
     "faceted": _estimate_faceted,
     "tessellated": _estimate_tessellated,
 }
-"""Functions for each `Part.step`: return counts of faces and bytes, and a note; or raise ExportError on failure."""
+"""Function of each strategy `Part.step`. It returns the number of faces, bytes and a note, or raises ExportError."""
 
 WAYS = ("planar", "members", "smooth", "faceted", "simplified", "tessellated")

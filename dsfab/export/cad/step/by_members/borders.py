@@ -1,4 +1,4 @@
-"""Corrections of borders between members."""
+"""Corrections of the borders between the regions of members."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -16,12 +16,12 @@ from dsfab.export.cad.step.by_members.trimmed import axes_of, middle_normal, sig
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.splines import Spline, arc_lengths, bernstein, even_samples, polyline_length, splines_through
 
-TOUCHING_SHARE = 1 / 400  # parts of an outline touch if their distance / thickness is smaller
+TOUCHING_SHARE = 1 / 400  # parts of an outline touch if their distance is below this fraction of the thickness
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
     """Return numbers of the chains (rows of mesh edges) around a region that cross or nearly touch.
-    distance : largest distance (mm) of chains that nearly touch."""
+    distance : curves of chains nearly touch if they are less than this distance (mm) apart."""
     finest = 12  # a cubic gets at most 12 chords; the chords at its ends are short
     segments = 600  # an outline gets about 600 chords
     steps = [step for loop in net.loops[region] for step in loop]
@@ -37,7 +37,7 @@ def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int
     for skin in (slice(3), slice(3, 6)):
         seen = [line[:, skin] @ plane for line in lines]
         if sum(signed_area(line) for line in seen) <= 0:
-            return set(chain.tolist())  # the area is negative: sides of a narrow region cross
+            return set(chain.tolist())  # the area is negative where sides of a narrow region cross
         chain_numbers.update(chain[crossing_segments(seen)].tolist())
         corner, segment = np.nonzero(ends_elsewhere & (_distances(seen, first_points) < distance))
         chain_numbers.update(chain[segment].tolist())
@@ -61,7 +61,7 @@ def _samples(curves: Mapping[int, ChainCurve], loop: ChainLoop, fine: int) -> Fl
 
 
 def crossing_segments(lines: list[Floats]) -> Bools:
-    """Return a mask (k,) of segments that cross another segment. lines : closed lines in a plane, (k, 2) in all."""
+    """Return a mask (k,) of crossing segments. lines : closed polygons in a plane, with k points in all."""
     a = np.concatenate(lines)
     b = np.concatenate([np.roll(line, -1, axis=0) for line in lines])
     along = (b - a)[:, None]
@@ -72,7 +72,7 @@ def crossing_segments(lines: list[Floats]) -> Bools:
 def without_crossings(
     net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], distance: float = 0.0
 ) -> ChainNet:
-    """Join each region to a neighbour if its outline crosses itself, or comes within `distance` (mm) of itself."""
+    """Join a region to a neighbour if the region's outline crosses or nearly touches itself. distance : limit, mm."""
     result = net
     for region in regions:
         for k in sorted(crossing_chains(net, curves, region, distance)):
@@ -84,7 +84,7 @@ def without_crossings(
 
 
 def without_chain(net: ChainNet, k: int) -> ChainNet:
-    """Join the regions left and right of chain k, unless a region has holes."""
+    """Join the regions left and right of chain k (row of mesh edges), unless a region has holes."""
     kept_region, joined_region = net.chains[k].left, net.chains[k].right
     if len(net.loops[kept_region]) + len(net.loops[joined_region]) > 2:
         return net
@@ -122,8 +122,8 @@ PLACES = np.linspace(0, 1, 65)  # parameters where the curvature is measured
 
 
 def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Return the net with smooth borders between regions.
-    lifting : mapping of mesh points to the sheet's skins.    thickness : mm."""
+    """Replace the borders between regions by smooth curves.
+    net : regions and their borders.    lifting : maps mesh points to the sheet's skins.    thickness : mm."""
     sideways = 1 / 3  # a chain moves sideways by at most this fraction of the thickness
     sag = 1 / 400  # largest distance of chords from the curve, as a fraction of the thickness
     P = np.asarray(net.weights @ lifting.skins.points)
@@ -149,7 +149,7 @@ def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
 
 
 def _turns_back(curve: Spline) -> bool:
-    most_spans = 4  # a chain with more spans is too wavy
+    most_spans = 4  # a curve with more spans is too wavy
     detour = 1.5  # a curve longer than 1.5 chords is a hairpin; half a circle is 1.57 chords long
     line = curve(PLACES)
     return (
@@ -173,7 +173,7 @@ def _without_hairpins(net: ChainNet, hairpins: Sequence[int], N: Floats) -> Chai
 
 
 def point_count(curve: Spline, sag: float) -> int:
-    """Return how many points a polyline needs to stay within `sag` (mm) of a curve."""
+    """Return the number of points of a polyline that stays within `sag` (mm) of a curve."""
     fewest = 9  # a straightened chain has at least 9 points
     bends = np.linalg.norm(np.diff(curve(PLACES), n=2, axis=0) * (len(PLACES) - 1) ** 2, axis=1)
     return max(fewest, 1 + int(np.ceil(np.sqrt(bends.max() / (8 * sag)))))
@@ -183,9 +183,9 @@ LONGEST_CHORD = 2.0  # largest chord of a round corner, as a multiple of the thi
 
 
 def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Move ends of borders between members to places where border and outline form larger angles.
-    lifting : mapping of mesh points to the sheet's skins.    thickness : mm."""
-    rounds = 3  # in each round, a border's end moves along one chain of the outline; a corner may have several chains
+    """Move ends of borders along the outline, to places where border and outline form larger angles.
+    net : regions and their borders.    lifting : maps mesh points to the sheet's skins.    thickness : mm."""
+    rounds = 3  # a border's end may move along several chains of the outline: one chain in each round
     for _ in range(rounds):
         work = _BorderEnds(net, np.asarray(net.weights @ lifting.skins.points), thickness)
         for node in sorted(work.nodes):

@@ -1,4 +1,4 @@
-"""Pairs of curves of degree 2 or 3, on the two skins of the sheet."""
+"""Pairs of curves of degree 2 or 3. The curves of a pair lie on the two skins of the sheet."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -21,9 +21,9 @@ POLE_MATRIX = np.linalg.inv(READ_MATRIX)
 
 @dataclass(frozen=True, eq=False)
 class InnerSpline:
-    """Cubic splines on k spans between breaks (k + 1,); zero at the two ends.
-    places : (k + 1,) means of three knots [de Boor 1978, chapter XIII].
-    poles  : (k, 4, k + 1) Bezier poles of each span for a unit value at each place."""
+    """Cubic splines on k spans between parameters `breaks` (k + 1,); the splines are zero at the two ends.
+    places : (k + 1,) interpolation parameters, means of three knots [de Boor 1978, chapter XIII].
+    poles  : (k, 4, k + 1) Bezier poles of each span, for each spline that is 1 at one of the places and 0 elsewhere."""
 
     breaks: Floats
     places: Floats
@@ -31,12 +31,12 @@ class InnerSpline:
 
     @classmethod
     def from_breaks(cls, breaks: Floats) -> "InnerSpline":
-        """Return the splines for `breaks` (k,): the parameters, from 0 to 1, where spans end."""
+        """Return the splines for `breaks`: the parameters, from 0 to 1, at which spans begin and end."""
         return _inner_spline(breaks.tobytes())
 
     @cached_property
     def hats(self) -> Floats:
-        """Weights (k + 1, k, 4) of Bezier poles, for the curve's points at `places`."""
+        """Weights (k + 1, k, 4) of the Bezier poles that give the curve's points at `places`."""
         count = len(self.places) - 1
         span = np.clip(np.searchsorted(self.breaks, self.places, side="right") - 1, 0, count - 1)
         hats = np.zeros((count + 1, count, 4))
@@ -69,9 +69,9 @@ SAMPLES_PER_EDGE = 2  # number of samples on each skin of the sheet, for each me
 
 @dataclass(frozen=True, eq=False)
 class SampledChain:
-    """Samples of a chain (row of mesh edges).
-    Q       : (k, 6) points on the outer and inner skin, mm.
-    outline : True if no region is on the right.    chord : smallest chord error of the mesh, mm."""
+    """Sample points of a chain (row of mesh edges).
+    Q       : (k, 6) points on the outer skin (3 columns) and on the inner skin (3 columns), mm.
+    outline : True if no region is on the right of the chain.    chord : smallest chord error of the mesh, mm."""
 
     Q: Floats
     outline: bool
@@ -79,16 +79,16 @@ class SampledChain:
 
     @cached_property
     def middle(self) -> Floats:
-        """(k, 3) points half way between the skins."""
+        """Points (k, 3) half way between the skins, mm."""
         return np.asarray((self.Q[:, :3] + self.Q[:, 3:]) / 2)
 
     @cached_property
     def lengths(self) -> Floats:
-        """(k,) arc lengths, millimetres."""
+        """Arc lengths (k,) from the start of the chain to the samples, mm."""
         return arc_lengths(self.middle)
 
     def direction(self, from_start: bool, reach: float) -> tuple[Floats, Floats]:
-        """Return the vector (3,) along a chain from one end, over `reach` mm, and the unit normal (3,)."""
+        """Return the vector (3,) from an end of the chain to the point `reach` mm away, and the end's normal (3,)."""
         if (from_start, reach) not in self._directions:
             x = min(reach / self.lengths[-1], 0.5)
             Q, target = self.Q[0 if from_start else -1], self.point(x if from_start else 1 - x)
@@ -101,7 +101,7 @@ class SampledChain:
         return {}
 
     def point(self, x: float) -> Floats:
-        """Return the points (6,) on the two skins at the fraction x < 1 of the chain's length."""
+        """Return the points (6,) on the outer and inner skin at a fraction x < 1 of the chain's length."""
         s, to = self.lengths, x * self.lengths[-1]
         i = int(s.searchsorted(to, side="right"))
         return np.asarray((self.Q[i] - self.Q[i - 1]) / (s[i] - s[i - 1]) * (to - s[i - 1]) + self.Q[i - 1])
@@ -109,8 +109,8 @@ class SampledChain:
 
 @dataclass(frozen=True, eq=False)
 class ChainCurve:
-    """Cubic curves along a chain, on the outer and inner skin.
-    breaks : (k + 1,) parameters where spans end, from 0 to 1.    spans : (k, 4, 6) Bezier poles, mm.
+    """Two cubic curves along a chain (row of mesh edges), on the outer and inner skin.
+    breaks : (k + 1,) parameters where spans end, from 0 to 1.    spans : (k, 4, 6) Bezier poles of the spans, mm.
     off    : largest distance of the chain from the curves, mm."""
 
     breaks: Floats
@@ -119,8 +119,8 @@ class ChainCurve:
 
     @classmethod
     def from_spline(cls, spline: Spline, distance: float) -> "ChainCurve":
-        """Return a spline of degree 1 to 3 as cubics.
-        distance : largest distance of samples from the spline, mm."""
+        """Convert a spline of degree 1 to 3 to cubic curves.
+        distance : largest distance of the samples from the spline, mm."""
         breaks = np.unique(spline.knots)
         x = READ_PLACES[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
         values = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)
@@ -130,17 +130,17 @@ class ChainCurve:
         return cls(breaks, spans, distance)
 
     def __call__(self, x: Floats) -> Floats:
-        """Return the points (k, 6) of the two curves at parameters x (k,)."""
+        """Return the points (k, 6) of the outer and the inner curve at parameters x (k,)."""
         span = np.clip(np.searchsorted(self.breaks, x, side="right") - 1, 0, len(self.spans) - 1)
         share = (x - self.breaks[span]) / np.diff(self.breaks)[span]
         return np.asarray(np.einsum("ka,kai->ki", bernstein(share), self.spans[span]))
 
     def stops(self, low: float, high: float) -> Floats:
-        """Return (k,) ascending parameters: `low`, the breaks between `low` and `high`, and `high`."""
+        """Return ascending parameters (k,): `low`, the breaks between `low` and `high`, and `high`."""
         return np.concatenate([[low], self.breaks[(self.breaks > low) & (self.breaks < high)], [high]])
 
     def with_ends(self, start: Floats, end: Floats) -> "ChainCurve":
-        """Return the curve with the ends moved to `start` and `end` (6,)."""
+        """Return a copy whose ends are moved to the points `start` and `end` (6,)."""
         x = self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.arange(4) / 3
         ways = start - self.spans[0, 0], end - self.spans[-1, -1]
         spans = self.spans + (1 - x)[..., None] * ways[0] + x[..., None] * ways[1]
@@ -152,22 +152,22 @@ class ChainCurve:
 
 
 def parts_of(poles: Floats, start: Floats, end: Floats) -> Floats:
-    """Return the poles (k, 4, d) of cubics (k, 4, d) between `start` and `end` (k,)."""
+    """Return the Bezier poles (k, 4, d) of the parts of k cubics from parameter `start` (k,) to `end` (k,)."""
     inside = start[:, None] + (end - start)[:, None] * READ_PLACES
     rows = bernstein(inside.ravel()).reshape(len(poles), 4, 4)
     return np.asarray(POLE_MATRIX @ rows @ poles)
 
 
 def curves_through(lines: Sequence[Floats], tolerances: Sequence[float]) -> list[ChainCurve]:
-    """Return curves through lines of points (k, 6), mm.
-    tolerances : largest distance (mm) of each line from the curve."""
+    """Fit a curve to each line of points (k, 6), mm.
+    tolerances : largest distance (mm) of each line from its curve."""
     fits = splines_through([even_samples(line) for line in lines], tolerances, parts=2)
     return [ChainCurve.from_spline(*fit) for fit in fits]
 
 
 def on_skins(curves: Sequence[ChainCurve], vectors_to_skins: Callable[[Floats], Floats]) -> list[ChainCurve]:
     """Move curves onto the skins of the sheet.
-    vectors_to_skins : function that returns the vectors from points (k, 6) to the skins."""
+    vectors_to_skins : function of points (k, 6) that returns the vectors from the points to the skins."""
     if not curves:
         return []
     inner = [InnerSpline.from_breaks(f.breaks) for f in curves]
@@ -180,7 +180,7 @@ def on_skins(curves: Sequence[ChainCurve], vectors_to_skins: Callable[[Floats], 
 
 
 def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dict[int, SampledChain]:
-    """Return the samples of each chain, by number of the chain."""
+    """Return sample points of each chain (row of mesh edges) in a net, by number of the chain."""
     numbers = list(net.chains)
     points = [net.chains[k].points for k in numbers]
     start, end = (np.concatenate([p[part] for p in points]) for part in (slice(-1), slice(1, None)))
@@ -204,27 +204,27 @@ PARABOLA_SHARE = 1 / 10  # allowed distance from parabola to cubic, divided by t
 ZERO_DIFFERENCE = 1e-8  # mm; smaller third differences of a cubic's poles are rounding errors
 
 BOW_FACTOR = np.sqrt(3) / 36
-"""Largest distance between a cubic and its parabola (see `as_parabolas`), divided by the poles' third difference."""
+"""Largest distance of a cubic from the parabola of `as_parabolas`, divided by the third difference of the poles."""
 
 
 def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
     """Replace nearly parabolic curves by parabolas.
-    distance : allowed distance of a solid from the mesh, mm.
-    box      : (2, 3) box around the skins."""
+    distance : allowed distance of the solid from the mesh, mm.
+    box      : (2, 3) lowest and highest corner of the box around the skins, mm."""
     wide, tolerance = box + distance * np.array([[-1.0], [1.0]]), PARABOLA_SHARE * distance
     simple = [_are_parabolas(curve.spans, tolerance, wide) for curve in curves]
     return [replace(c, spans=as_parabolas(c.spans, 1)) if yes else c for c, yes in zip(curves, simple, strict=True)]
 
 
 def as_parabolas(P: Floats, axis: int) -> Floats:
-    """Replace cubics, with 4 poles along an axis, by parabolas with the same ends."""
+    """Replace cubics by parabolas with the same ends, and with 4 poles. axis : array axis of the poles."""
     P = P.swapaxes(0, axis)
     third = _third(P) / 6
     return np.stack([P[0], P[1] - third, P[2] + third, P[3]]).swapaxes(0, axis)
 
 
 def patches_as_parabolas(P: Floats, distance: float) -> Floats:
-    """Lower the degree of patches (ku, kv, 4, 4, 6) to 2 where the sides are parabolas.
+    """Lower the degree of patches with poles P (ku, kv, 4, 4, 6) to 2 in directions whose sides are parabolas.
     distance : allowed distance of the solid from the mesh, mm."""
     for axis, sides in ((2, P[:, [0, -1], :, [0, -1]]), (3, P[[0, -1], :, [0, -1]])):
         if np.abs(_third(sides.swapaxes(0, -2))).max() < ZERO_DIFFERENCE:
@@ -235,7 +235,7 @@ def patches_as_parabolas(P: Floats, distance: float) -> Floats:
 
 
 def fewest_poles(P: Floats, axis: int) -> Floats:
-    """Return P with 3 poles along an axis if the cubics are parabolas; otherwise P."""
+    """Return poles P with 3 instead of 4 poles along an array axis if all cubics are parabolas; otherwise P."""
     P = P.swapaxes(0, axis)
     if len(P) == 4 and np.abs(_third(P)).max() < ZERO_DIFFERENCE:
         P = np.stack([P[0], _middle_pole(P), P[3]])
@@ -251,8 +251,8 @@ def _middle_pole(P: Floats) -> Floats:
 
 
 def _are_parabolas(spans: Floats, tolerance: float, box: Floats) -> bool:
-    """Return True if parabolas can replace cubics (k, 4, 6)."""
-    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # largest turns of end tangents: in any direction, out of the skin
+    """Return True if parabolas can replace the cubics with poles `spans` (k, 4, 6). tolerance : mm."""
+    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # largest rotation of end tangents: total, and out of the skin
     P = spans.reshape(-1, 4, 2, 3).swapaxes(0, 1)
     outer = _middle_pole(P)
     if (outer < box[0]).any() or (outer > box[1]).any():

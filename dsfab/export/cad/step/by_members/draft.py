@@ -48,11 +48,11 @@ from dsfab.export.part import Part, StripedSheet
 from dsfab.surface import edge_table, link_components
 
 EDGE_DIGITS = 7
-"""Decimals of the coordinates of edges (mm). OCCT accepts gaps below 1e-7 mm between an edge and its patch."""
+"""Decimal places of edge coordinates (mm). OCCT accepts gaps below 1e-7 mm between an edge and its patch."""
 
 
 class NetWriter:
-    """Writer of a boundary model: adds STEP entities to the list `new`."""
+    """Writer of a boundary model: adds the STEP entities to the list `new`."""
 
     def __init__(self, entity_list: StepEntities, model: NetModel, thickness: float) -> None:
         self.new, self.model = entity_list, model
@@ -64,7 +64,7 @@ class NetWriter:
         self.edges = list[list[int]]()
 
     def faces(self, trimmed: list[TrimmedFace], seams: Mapping[int, LongSeam]) -> list[int]:
-        """Add the faces of the model and the `trimmed` faces; return their numbers."""
+        """Add the patches of the model and the `trimmed` faces; return the numbers of the STEP faces."""
         numbers, posts = list[int](), dict[tuple[int, int], int]()
         skins: list[NetPatch | TrimmedFace] = [*self.model.patches, *trimmed]
         surfaces = {i: self._surfaces(skins[i]) for i in sorted({i for seam in seams.values() for i in seam.on})}
@@ -137,7 +137,7 @@ class NetWriter:
     def _post(self, posts: dict[tuple[int, int], int], vertex: int) -> tuple[int, bool]:
         outer, inner = self.vertices[vertex]
         if (outer, inner) in posts:
-            return posts[outer, inner], False  # the other side of the seam added this edge, in the opposite direction
+            return posts[outer, inner], False  # the edge was added beyond the seam, where the skins are swapped
         if (inner, outer) not in posts:
             ends = [next(self._points(self.model.vertices[vertex][None, i : i + 3])) for i in (3, 0)]
             posts[inner, outer] = self.new.edge(inner, outer, self.new.bezier(ends))
@@ -154,12 +154,12 @@ UNASKED = 7000  # largest number of faces if the user does not ask for step = 'm
 
 
 class ManyFacesError(ExportError):
-    """The file would have so many faces that dsfab writes it only on request."""
+    """Error for a file with so many faces that dsfab writes it only on request."""
 
 
 @dataclass(frozen=True, eq=False)
 class MemberDraft:
-    """STEP text before checks, with counts of solids, faces and trimmed faces.
+    """STEP text before its checks, with the numbers of solids, faces and trimmed faces.
     gap : widest gap between a trimmed face and its edges, mm."""
 
     text: str
@@ -171,8 +171,8 @@ class MemberDraft:
 
 def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft:
     """Return the STEP file of a part before its checks.
-    fine : True for a more exact file (slower).
-    Raises ExportError for a failure, and for too many faces."""
+    fine : True for a more exact file, which takes longer.
+    Raises ExportError if a step fails, or if the file has too many faces."""
     with one_blas_thread():  # several threads would slow down thousands of small systems
         return _draft(part, plan, fine)
 
@@ -180,7 +180,7 @@ def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft
 def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
     least_walls = 3 / 4  # for an early estimate of the number of faces: at least 3/4 of the outline chains become walls
     if plan.curved.striped is None:
-        raise ExportError("step = 'members' needs the stripes of the sheet, but the stripes are unknown")
+        raise ExportError("step = 'members' needs the stripes of the sheet, but this sheet has no data of its stripes")
     lifting = Lifting.from_sheet(plan.surface, plan.curved)
     entity_list, pieces, trimmed = StepEntities(), list[list[int]](), list[TrimmedFace]()
     for sheet in _sheets(plan.curved.striped()):
@@ -200,18 +200,18 @@ _TOO_MANY = WeakSet[Part]()
 
 
 def has_too_many(part: Part) -> bool:
-    """Return True if a STEP file by members would have too many faces."""
+    """Return True if a trial showed that the STEP file of `part` by members has too many faces."""
     return part in _TOO_MANY
 
 
 def require_few_faces(part: Part, faces: int) -> None:
-    """Raise ManyFacesError if a part's file would have too many faces."""
+    """Raise ManyFacesError if `faces`, the number of faces of a part's file, exceeds the limit."""
     limit = part.hurry * UNASKED
     if part.hurry and faces > limit:
         _TOO_MANY.add(part)
         raise ManyFacesError(
-            f"by members, the file would have at least {faces} faces, "
-            f"which dsfab writes only on request (limit: {limit})"
+            f"the curved solid along members would have at least {faces} faces; dsfab writes more than {limit} faces "
+            f"only on request"
         )
 
 
@@ -307,7 +307,7 @@ def _with_cut_ends(
 
 
 def outline_poles(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
-    """Return the poles of the outlines of each trimmed region, as bytes, by region."""
+    """Return the Bezier poles of the outlines of each trimmed region, as bytes for comparison, by region."""
     curves = lines.curves(model.trimmed)
     return {
         region: b"".join(curves[k].spans.tobytes() for loop in net.loops[region] for k, _ in loop)
@@ -316,7 +316,7 @@ def outline_poles(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, 
 
 
 def changed_regions(previous: dict[int, bytes], outlines: dict[int, bytes]) -> list[int]:
-    """Return the regions whose outlines are new or different."""
+    """Return the regions with a new or changed outline. previous, outlines : results of `outline_poles`."""
     return [region for region, outline in outlines.items() if previous.get(region) != outline]
 
 
@@ -345,13 +345,13 @@ class _Fits:
 
 
 class RegionQuads:
-    """Search for four-sided regions. reach : length (mm) over which a chain's direction is measured."""
+    """Search for four-sided regions. reach : length (mm) over which the directions of sides are measured."""
 
     def __init__(self, reach: float) -> None:
         self.reach, self.known = reach, dict[int, tuple[list[ChainLoop], list[SampledChain], Quad | None]]()
 
     def quads(self, net: ChainNet, chains: dict[int, SampledChain]) -> tuple[list[Quad], list[int]]:
-        """Return the four-sided regions of a net, and the numbers of the other regions."""
+        """Return the four-sided regions of a net, and the numbers of all further regions."""
         for region, loops in net.loops.items():
             around = [chains[k] for loop in loops for k, _ in loop]
             cached = self.known.get(region)
@@ -362,7 +362,7 @@ class RegionQuads:
 
 
 def wanted_gap(thickness: float) -> float:
-    """Return the wanted gap (mm) between trimmed faces and their edges in a sheet of this thickness (mm)."""
+    """Return the largest gap (mm) to aim for between trimmed faces and their edges. thickness : of the sheet, mm."""
     narrow_mm, thin_share = 0.01, 1 / 1500  # a gap is narrow enough if it is below both limits
     return max(GAP_SHARE * thickness, min(narrow_mm, thin_share * thickness))
 

@@ -1,4 +1,4 @@
-"""Preparation of edges for fillets by OCCT."""
+"""Preparation of edges for fillets that the CAD kernel OCCT makes."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -29,16 +29,17 @@ PLACES = np.linspace(0, 1, 17)  # parameters of a curve where its distance from 
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """Return an edge's poles (2, 4, 2) in parameters of the face's outer and inner surface, or None.
-    poles : (4, 6) on the outer and inner skin, mm. None if a curve is not on its surface."""
+    """Return an edge's control points as parameters (2, 4, 2) of a face's outer and inner surface.
+    Return None if the edge is not on a surface.    poles : (4, 6) control points on the outer and inner skin, mm."""
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
     return np.stack([places(surface, axes, poles[:, s]) for surface, axes, s in face.skins])
 
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
-    """Return patch parameters (2 skins, 2 ends, 2) of an extended edge, or None.
-    edge, poles : (4, 6) edge before and after the extension.    share : (2,) added lengths at the ends / old length."""
+    """Return the patch parameters (2 skins, 2 ends, 2) of an extended edge; None if the edge is on no patch side.
+    edge, poles : (4, 6) control points before and after the extension, mm.
+    share       : (2,) length added at each end / old length of the edge."""
     P = patch.poles
     for axis in (0, 1):
         for fixed in (0, 1):
@@ -68,35 +69,38 @@ def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
 
 
 FILLET_SHARE = 1 / 6  # radius of a fillet / thickness; a seam is extended by radius * tan(bend / 2)
-MARGIN = 0.1  # the surface under a seam is extended by (1 + MARGIN) times the extension of the seam
+MARGIN = 0.1  # the surface at a seam is extended by this fraction more than the seam
 
 LARGE_FILLET_SHARE = 1 / 8
-"""Radius of the largest valid fillet at a seam that continues a wall's edge, as a fraction of the thickness."""
+"""Largest valid fillet radius / thickness, where a seam (edge between two faces) continues a wall's edge."""
 
 TANGENT_GAP = 3e-5
-"""Largest gap (mm) that OCCT may leave at the end of the largest fillet."""
+"""Largest gap (mm) that the kernel OCCT may leave at the end of the largest fillet."""
 
 POLE_OFFSET = 1e-5
-"""Movement (mm) of a pole of a seam that continues a wall's edge beside a trimmed face, for OCCT's tolerance."""
+"""Distance (mm) by which a pole of a seam (edge between two faces) is moved, for OCCT's tolerance.
+Only a seam that continues a wall's edge beside a trimmed face is moved."""
 
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
     """Extended seam (edge between two faces of a skin), or a wall's edge beside the seam's end.
-    poles : (4, 6), mm.    on : poles (2, k, 2) in parameters of both surfaces of a face, by face number."""
+    poles : (4, 6) control points on the outer and inner skin, mm.
+    on    : by face number, k of the edge's points as parameters (2, k, 2) of the face's outer and inner surface."""
 
     poles: Floats
     on: dict[int, Floats]
 
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
-    """Return the poles (4, 6) of extended seams (edges between two faces), by edge number."""
+    """Return the poles (4, 6), mm, of extended seams (edges between two faces), by edge number."""
     bent = [corner for corner in filled_corners(model) if corner.straight is None]
     return {e: poles for e, (_, poles) in _extensions(model, bent).items()}
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return added lengths (2,) / old length, and new poles (4, 6), of extended seams, by number."""
+    """Extend the seams (edges between two faces) at corners.
+    Return, by edge number, the lengths (2,) added at the ends / old length, and the new poles (4, 6), mm."""
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:
@@ -135,7 +139,7 @@ def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
     """Extend seams (edges between faces) and their surfaces for fillets.
-    Return the model, the trimmed faces, and by edge number the extended edges."""
+    Return the model, the trimmed faces, and the extended edges by edge number."""
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
     seams = _on_both(model, faces, corners, loops)
@@ -196,7 +200,7 @@ def _beside_straight(
 
 
 def _wider_box(patch: NetPatch) -> Floats:
-    wider = 1 / 100  # a patch grows by this fraction of the thickness, so that it contains the seam that OCCT lengthens
+    wider = 1 / 100  # OCCT lengthens seams, so a patch grows by this fraction of the thickness
     P = patch.poles[:, :, :3]
     thick = float(np.linalg.norm(patch.poles[0, 0, :3] - patch.poles[0, 0, 3:]))
     long = np.linalg.norm([P[3, 0] - P[0, 0], P[0, 3] - P[0, 0]], axis=1)
@@ -251,17 +255,18 @@ def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
     return np.stack(parts)
 
 
-CLEAR_EDGE = 1 / 7  # radius of a fillet / thickness; edges are cut farther from a corner than this fillet reaches
+CLEAR_EDGE = 1 / 7  # edges at a corner are cut beyond the reach of a fillet with this radius / thickness
 
 LONGEST_SHARE = 4.0
-"""Largest length of an edge at a corner, divided by (thickness * t). t is the tangent of half the bend, but at most 1.
+"""Largest length of an edge at a corner / (thickness * t), where t is the smaller of tan(bend / 2) and 1.
 On a longer edge, OCCT may find the wrong end of a fillet."""
 
 DENSE = np.linspace(0, 1, 129)  # parameters of an edge where its gap to a trimmed face is measured
 
 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
-    """Put the walls (faces through the thickness) of each outline in OCCT's order for fillets."""
+    """Sort walls (faces through the thickness) into the order that OCCT needs for fillets, and cut their edges.
+    Return the new model and the new trimmed faces."""
     work, walls = CutEdges(model), list[NetWall]()
     face_of_edge = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in outlines(model):
@@ -295,7 +300,7 @@ def edge_stops(
 ) -> list[float]:
     """Return where an edge with poles (4, 6) is cut for fillets, as fractions of the edge's length.
     corners : tan(bend angle / 2) at the start and the end of the edge; 0 if there is no corner.
-    ending  : for each end, True if `LONGEST_SHARE` limits the distance to the cut."""
+    ending  : for each end, True if `LONGEST_SHARE` limits the distance between this end and the cut."""
     exact = 1e-6  # OCCT ignores a gap below this (mm)
     thick, long = (float(np.linalg.norm(v)) for v in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
     share = thick / max(long, 1e-300)
@@ -319,15 +324,15 @@ def edge_stops(
 
 
 class CutEdges:
-    """Edges of a model, which can be cut and reversed. forwards : new edges that replace an old edge."""
+    """Edges of a model, which can be cut and reversed. forwards : number of an old edge -> new edges in its place."""
 
     def __init__(self, model: NetModel) -> None:
         self.given, self.vertices, self.edges = model, list(model.vertices), list(model.edges)
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut edge e at fractions `stops` of its length, from its end if `ahead` is False.
-        against : True to reverse the first part."""
+        """Cut the edge with number e at the fractions `stops` of its length, from its end if `ahead` is False.
+        against : True to reverse the direction of the first part."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()
@@ -348,7 +353,7 @@ class CutEdges:
         return replace(self.given, vertices=self.vertices, edges=self.edges, walls=list(walls)).with_loops(self.loop)
 
     def loop(self, loop: ChainLoop) -> ChainLoop:
-        """Return a loop of edges with the new edges."""
+        """Return a loop of edges in which new edges replace each cut edge."""
         result: ChainLoop = []
         for e, ahead in loop:
             steps = self.forwards.get(e, [(e, True)])

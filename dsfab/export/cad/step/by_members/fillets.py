@@ -13,7 +13,8 @@ from dsfab.export.splines import arc_lengths, polyline_length
 
 
 def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting: Lifting) -> ChainNet:
-    """Move ends of chains to the points `moves[chain, end]`; `end` is 0 (start) or -1 (end)."""
+    """Move ends of chains (rows of mesh edges).
+    moves : (chain number, 0 for its start or -1 for its end) -> number of the new end point."""
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     ends = {k: [moves.get((k, i), int(net.chains[k].points[i])) for i in (0, -1)] for k, _ in moves}
     if not ends:
@@ -28,7 +29,7 @@ def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting
 
 
 def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
-    fewest = 5  # the chain is divided again with at least 5 points before its ends are moved
+    fewest = 5  # a chain with moved ends gets at least 5 points
     line = P[points]
     lengths = arc_lengths(line)
     start, end = P[ends[0]] - line[0], P[ends[1]] - line[-1]
@@ -38,7 +39,7 @@ def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
 
 
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
-    """Remove parts of outlines between two borders of members that are shorter than `shortest` mm.
+    """Join each outline part shorter than `shortest` mm, between two borders of members, to a neighbouring part.
     lifting : mapping of mesh points to the sheet's skins."""
     fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
@@ -53,7 +54,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
             continue
         three = ([net.chains[i].points[-2], *net.chains[j].points[:2]] for i, j in (before[:2], after[:2]))
         turned = [turn_at(P[points]) for points in three]
-        first_gives_way = turned[0] < turned[1]  # the short wall joins the wall before or after it: at the smaller bend
+        first_gives_way = turned[0] < turned[1]  # the short wall is joined to its neighbour at the smaller bend
         joined_wall, border = (before[0], before[2]) if first_gives_way else (after[1], after[2])
         if joined_wall not in chains or chains[joined_wall].left == chain.left or border in moves:
             continue
@@ -66,8 +67,8 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
 
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """Return the chains of an outline before and after a node, and the end of the border there, or None.
-    ends : ends of chains at the node."""
+    """Return the numbers of the outline's chains before and after a node, and the end of the border there.
+    Return None unless one outline and one border meet at the node.    ends : ends of the chains at the node."""
     outline, borders = outline_through(net, ends), [end for end in ends if net.chains[end[0]].right != VOID]
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
@@ -118,7 +119,7 @@ class _Arcs:
 
 
 def without_fillets(net: ChainNet, lifting: Lifting) -> ChainNet:
-    """Join each region that fills a rounded corner between two members to its neighbours."""
+    """Join each region that fills the rounded corner between two members to the neighbouring regions."""
     work = _Fillets(net, lifting)
     for region in sorted(net.loose & net.loops.keys()):
         work.take_region(region)
@@ -149,7 +150,7 @@ class _Fillets:
         self.outline = {int(p) for c in net.chains.values() if c.right == VOID for p in (c.points[0], c.points[-1])}
 
     def take_region(self, region: int) -> None:
-        # Largest total length of a fillet's inner borders / length of its arc: detour for 3 or more, else flat_detour.
+        # Limits for length of inner borders / length of the arc: `detour` for 3 or more borders, else `flat_detour`.
         detour, flat_detour = 2.2, 4.0
         if len(self.loops[region]) != 1:
             return
@@ -214,7 +215,7 @@ class _Fillets:
         self.loose.discard(region)
 
     def _crossing(self, inner: ChainLoop, neighbours: list[int]) -> int | None:
-        smaller = 0.6  # the smaller neighbour is the crossing if its perimeter is below 0.6 times the larger perimeter
+        smaller = 0.6  # the smaller region is a crossing if its perimeter is below 0.6 x the larger region's perimeter
         if len(inner) == 3 and len(set(neighbours)) == 3:
             return neighbours[1]
         if len(inner) != 2 or neighbours[0] == neighbours[1]:

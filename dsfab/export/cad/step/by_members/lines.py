@@ -23,14 +23,15 @@ ChainEnd = tuple[int, int]  # end of a chain: number of the chain, index (0 or -
 @dataclass(frozen=True, eq=False)
 class ChainLine:
     """Curve along k consecutive chains of mesh edges.
-    at : (k + 1,) parameters where the chains begin and end."""
+    at : (k + 1,) parameters of the curve where the chains begin and end."""
 
     steps: ChainLoop
     curve: ChainCurve
     at: Floats
 
     def outlines(self, net: ChainNet) -> list[tuple[float, float]]:
-        """Return parameters (start, end) of the line's parts on outlines; material is on the left."""
+        """Return the curve parameters (start, end) of each part of the line on an outline of the sheet.
+        From start to end, the material is on the left."""
         pairs = list[tuple[float, float]]()
         for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
             if net.chains[k].right != VOID or net.on_seam(k):
@@ -44,18 +45,18 @@ class ChainLine:
         return pairs
 
     def with_poles_in(self, box: Floats) -> "ChainLine":
-        """Divide cubics until all poles lie in a box (2, 3)."""
+        """Divide long cubics of the curve until all their poles lie in a box (2, 3), mm."""
         return self._divide(lambda a, b, P: bool(((P.reshape(8, 3) >= box[0]) & (P.reshape(8, 3) <= box[1])).all()))
 
     def with_halved_spans(self, spans: Bools) -> "ChainLine":
-        """Halve the cubics for which `spans` (k,) is True."""
+        """Halve those cubics of the curve for which `spans` (k,) is True."""
         ends = pairwise(self.curve.breaks.tolist())
         marked = {span for span, is_one in zip(ends, spans.tolist(), strict=True) if is_one}
         return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
         shortest = 1 / 16  # shortest span that is divided; otherwise, division may never end
-        middle_share = 1 / 4  # cut at a chain's end if its distance from the cubic's middle / cubic's length is smaller
+        middle_share = 1 / 4  # a cut at a chain's end must be this near to the cubic's middle, as a share of its length
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:
@@ -76,9 +77,9 @@ class ChainLine:
 
 
 class NetLines:
-    """Lines of a net: curves along chains (rows of mesh edges).
-    twins : line at the seam -> line on the opposite side.
-    place : for each chain, line number and end parameters."""
+    """Curves ("lines") along all chains (rows of mesh edges) between regions.
+    twins : number of a line at the seam -> number of the line on the seam's opposite side.
+    place : by chain number, the number of the chain's line and the line's parameters at the chain's two ends."""
 
     def __init__(self, net: ChainNet, lines: list[ChainLine], twins: dict[int, int] | None = None) -> None:
         self.net, self.lines, self.twins = net, lines, twins or {}
@@ -88,18 +89,18 @@ class NetLines:
                 self.place[k] = (i, a, b) if ahead else (i, b, a)
 
     def line_part(self, step: tuple[int, bool]) -> LinePart:
-        """Return a chain's line, and parameters of the chain's ends.
-        step : chain number, and True to run forwards."""
+        """Return the number of a chain's line, and the line's parameters at the chain's start and end.
+        step : chain number; False to exchange start and end."""
         i, a, b = self.place[step[0]]
         return (i, a, b) if step[1] else (i, b, a)
 
     def nodes(self, i: int) -> list[int]:
-        """Return the nodes (ends of chains) along a line, in order."""
+        """Return the point numbers of the nodes (ends of chains) along line number `i`, in order."""
         steps = self.lines[i].steps
         return [*(self.net.ends(step)[0] for step in steps), self.net.ends(steps[-1])[1]]
 
     def parts(self, parts: Sequence[LinePart]) -> Floats:
-        """Return poles (k, 4, 6) of parts of lines, in the direction of each part.
+        """Return the poles (k, 4, 6) of k parts of lines, in the direction of each part.
         Each part must lie in a single cubic."""
         if not parts:
             return np.zeros((0, 4, 6))
@@ -135,7 +136,7 @@ class NetLines:
         return result
 
     def curves(self, regions: Iterable[int]) -> dict[int, ChainCurve]:
-        """Return the curves of all chains around regions, by chain."""
+        """Return the curves of all chains around the regions, by chain number."""
         around = {k for region in regions for loop in self.net.loops[region] for k, _ in loop}
         return {k: self.curve(k) for k in around}
 
@@ -155,14 +156,14 @@ def with_ends_on_lines(lines: NetLines) -> NetLines:
 
 
 def with_twins(lines: NetLines) -> NetLines:
-    """Use one curve on the two sides of the seam of a one-sided sheet.
+    """Use the same curve on the two sides of the seam where a one-sided sheet was cut open.
     Raises ExportError if the chains on the two sides differ."""
     net, result, twins = lines.net, list(lines.lines), dict[int, int]()
     seam = {tuple(net.chains[k].points.tolist()): lines.place[k][0] for k in net.chains if net.on_seam(k)}
     for points, i in seam.items():
         j = seam.get(tuple(net.twins[p] for p in points))
         if j is None:
-            raise ExportError("borders of members do not match at the seam where the one-sided sheet was cut open")
+            raise ExportError("borders of members do not match at the seam where dsfab cut the one-sided sheet open")
         twins[i] = j
         if i < j:
             curve = result[i].curve
@@ -191,18 +192,18 @@ def _points_on(lines: NetLines) -> dict[int, Floats]:
 
 
 def ends_of(net: ChainNet, line: ChainLine) -> tuple[int, int]:
-    """Return the nodes at the ends of a line."""
+    """Return the point numbers of the first and the last node of a line."""
     return net.ends(line.steps[0])[0], net.ends(line.steps[-1])[1]
 
 
 def node_of(net: ChainNet, end: ChainEnd) -> int:
-    """Return the node at an end of a chain."""
+    """Return the point number of the node at an end of a chain."""
     return int(net.chains[end[0]].points[end[1]])
 
 
 def end_of(step: tuple[int, bool]) -> ChainEnd:
-    """Return the end where a loop leaves a chain.
-    step : chain, and True if the loop runs along the chain."""
+    """Return the end (chain number, 0 or -1) at which a loop of chains leaves a chain.
+    step : chain number, and True if the loop runs in the chain's own direction."""
     return step[0], -1 if step[1] else 0
 
 
@@ -213,7 +214,7 @@ BEND_ANGLE = np.deg2rad(10.0)  # smallest bend at a vertex of a round outline, r
 
 class ArcsOnSkins:
     """Function that moves arcs onto the two skins of the sheet.
-    away : function of points (k, 6); returns vectors to the outer (columns 0-2) and inner skin."""
+    away : function of pairs of points (k, 6); returns the vectors (k, 6) to the outer and inner skin, mm."""
 
     def __init__(self, away: Callable[[Floats], Floats]) -> None:
         self.away, self.known = away, dict[int, tuple[SampledChain, bytes, ChainCurve]]()
@@ -233,9 +234,10 @@ def with_arcs(
     rounded: Collection[int],
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
-    """Replace lines along round corners by arcs, where arcs are near enough.
-    tolerances : largest distance of arcs from each chain, mm.    rounded : numbers of the chains at round corners."""
-    rounds = 4  # after the removal of an arc, the arcs beside it change, and may be too far from their chains
+    """Replace lines along round corners by arcs, unless an arc is too far from its chain of mesh edges.
+    tolerances : by chain number, the largest distance of an arc from the chain, mm.
+    rounded    : numbers of the chains at round corners."""
+    rounds = 4  # after the removal of an arc, neighbouring arcs change and may be too far from their chains
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
     for _ in range(rounds):
@@ -258,8 +260,8 @@ def _largest_distance(Q: Floats, curve: ChainCurve) -> float:
 
 
 def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], tolerances: Mapping[int, float]) -> set[int]:
-    """Return the outline chains of round corners.
-    tolerances : largest distance of an arc from each chain, mm."""
+    """Return the numbers of the chains of outline edges at round corners.
+    tolerances : by chain number, the largest distance of an arc from the chain, mm."""
     nodes = _nodes(net, ends_at(net))
     angles = dict(zip(nodes, _turns([(chains[a], chains[b]) for a, b in nodes.values()]), strict=True))
     outlines = [k for k, chain in net.chains.items() if chain.right == VOID]
@@ -366,7 +368,7 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
 
 
 def _arc_between(start: Floats, end: Floats, start_direction: Floats, end_direction: Floats) -> ChainCurve | None:
-    """Return a nearly circular cubic between two points, or None."""
+    """Return a nearly circular cubic between two points with given end directions; None for a strong bend."""
     widest = 80.0  # degrees; largest angle between the arc's chord and the arc's direction at an end
     chord, directions = _mean_direction(end - start), (_mean_direction(start_direction), _mean_direction(end_direction))
     long = float(np.linalg.norm(chord))

@@ -18,7 +18,7 @@ MOST_CELLS = 2  # a four-sided region that needs more than 2 patches becomes a t
 
 @dataclass(frozen=True, eq=False)
 class NetEdge:
-    """Cubic curve on the outer skin, and the curve opposite on the inner skin.
+    """Cubic curve on the outer skin, and the opposite curve on the inner skin.
     start, end : vertex numbers.    poles : (4, 6) control points: three columns for each skin, outer first, mm."""
 
     start: int
@@ -29,7 +29,7 @@ class NetEdge:
 @dataclass(frozen=True, eq=False)
 class NetWall:
     """Face through the thickness, from the outer to the inner skin. poles : (4, 6) control points as in `NetEdge`, mm.
-    steps : edges along the wall, each with its direction; the material is on the left."""
+    steps : edges along the wall, each with its direction. The material is on the left of these edges."""
 
     steps: ChainLoop
     poles: Floats
@@ -37,8 +37,8 @@ class NetWall:
 
 @dataclass(frozen=True, eq=False)
 class NetPatch:
-    """Four-sided face on the outer skin, and the face opposite on the inner skin.
-    loop  : edges counter-clockwise from outside; a side has one or several edges.
+    """Four-sided face on the outer skin, and the opposite face on the inner skin.
+    loop  : edges around the face, counter-clockwise seen from outside. A side has one or several edges.
     poles : (4, 4, 6) control points, mm.    within : True if the surfaces extend beyond the face."""
 
     loop: ChainLoop
@@ -49,7 +49,8 @@ class NetPatch:
 @dataclass(eq=False)
 class NetModel:
     """Boundary model of a solid with step = 'members'.
-    vertices : (6,) points on both skins, mm.    trimmed : loops of edges around regions without patches, by region.
+    vertices : points (6,) on the outer and inner skin, mm.
+    trimmed  : by number of a region without patches, the loops of edges around the region.
     seam     : True for a one-sided surface that was cut open."""
 
     vertices: list[Floats] = field(default_factory=list)
@@ -66,7 +67,7 @@ class NetModel:
         return 2 * (len(self.patches) + len(self.trimmed)) + len(self.walls)
 
     def outline(self, loops: Iterable[ChainLoop]) -> bytes:
-        """Return the control points along loops of edges as bytes."""
+        """Return the control points of all edges in the loops as bytes."""
         return b"".join(self.poles(step).tobytes() for loop in loops for step in loop)
 
     def poles(self, step: tuple[int, bool]) -> Floats:
@@ -75,12 +76,12 @@ class NetModel:
         return self.edges[e].poles[:: 1 if ahead else -1]
 
     def vertex(self, step: tuple[int, bool], at_start: bool) -> int:
-        """Return the vertex where an edge of a loop begins (`at_start`) or ends."""
+        """Return the number of the vertex where an edge of a loop begins (`at_start`) or ends."""
         edge = self.edges[step[0]]
         return edge.start if step[1] == at_start else edge.end
 
     def with_loops(self, loop: Callable[[ChainLoop], ChainLoop]) -> "NetModel":
-        """Return the model with the function applied to each loop of edges."""
+        """Return a model in which the result of the function `loop` replaces each loop of edges."""
         return replace(
             self,
             walls=[replace(wall, steps=loop(wall.steps)) for wall in self.walls],
@@ -98,7 +99,8 @@ def net_model(
     patched: Collection[int] = (),
 ) -> NetModel:
     """Build the boundary model of a solid.
-    quads    : four-sided regions.    covering : builder of patches for regions.
+    lines    : curves along the borders of regions.    chains : samples of the borders, by number.
+    quads    : four-sided regions.    other_regions : numbers of regions for trimmed faces.    covering : patch builder.
     patched  : four-sided regions that may have more than `MOST_CELLS` patches."""
     stations, quad_list = SideStations(lines, chains), list(quads)
     whole_quads = [quad for quad in quad_list if quad.region not in patched and stations.cells(quad) > MOST_CELLS]
@@ -215,7 +217,7 @@ def backwards(loop: ChainLoop) -> ChainLoop:
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
-    limit = 10.0  # largest perimeter / `mean_width` of a compact region: 8 for a square, 10.7 for 3 squares in a row
+    limit = 10.0  # largest perimeter / `mean_width` of a compact region: 8 for a square, 10.7 for a row of 3 squares
     steps = [step for side in quad.sides for step in side]
     line = np.concatenate([chains[k].middle[:: 1 if ahead else -1][:-1] for k, ahead in steps])
     return sum(float(chains[k].lengths[-1]) for k, _ in steps) <= limit * mean_width(line)
@@ -224,7 +226,7 @@ def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
 @dataclass(frozen=True)
 class FilledCorner:
     """Corner of an outline that a fillet fills, and the only seam (edge on a skin) there.
-    seam     : number of the edge.    end : 0 if the seam begins at the corner, 1 if it ends there.
+    seam     : number of the edge.    end : 0 if the seam begins at the corner, 1 if the seam ends there.
     half     : tangent of half the bend angle.    beside : edges of the walls before and after the corner.
     straight : edge of a wall in line with the seam, or None."""
 
@@ -242,7 +244,8 @@ def corner_tangents(model: NetModel) -> dict[int, float]:
 
 
 def filled_corners(model: NetModel) -> list[FilledCorner]:
-    """Return all corners that a fillet fills and where exactly one seam ends; [] for a one-sided surface."""
+    """Return the outline corners that a fillet fills and where exactly one seam (edge on a skin) ends.
+    The list is empty for a one-sided surface."""
     straight_cosine = np.cos(0.01)  # OCCT 8.0 accepts a bend of 0.01 radians between a seam and its continuation
     if model.seam:
         return []
@@ -296,7 +299,7 @@ def outlines(model: NetModel) -> list[list[NetWall]]:
 
 
 def wall_direction(wall: NetWall, model: NetModel, at_start: bool) -> Floats:
-    """Return the direction (3,) of a wall where it begins (`at_start`) or ends."""
+    """Return the unit vector (3,) along a wall at its start (`at_start`) or at its end."""
     return _end_direction(model, wall.steps[0 if at_start else -1], at_start)
 
 

@@ -32,14 +32,14 @@ REACH_SHARE = 3 / 4  # length over which a chain's direction is measured, as a f
 
 @dataclass(frozen=True, eq=False)
 class Quad:
-    """Region with four sides, in order around it. Each side has the region on the left."""
+    """Region with four sides, listed in order around the region. The region is on the left of each side."""
 
     region: int
     sides: tuple[ChainLoop, ChainLoop, ChainLoop, ChainLoop]
 
 
 def quad_of(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledChain], reach: float) -> Quad | None:
-    """Return a region with the four sides; None without four clear corners.
+    """Divide a region's outline into four sides at its corners; return None without four clear corners.
     reach : length (mm) over which the direction at a corner is measured."""
     if len(loops) != 1 or len(loops[0]) < 4:
         return None
@@ -53,7 +53,7 @@ def quad_of(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledCha
 
 
 def _corners(angle: Floats) -> Ints | None:
-    blunt_limit = 60.0  # degrees; with a larger bend at a node besides the 4 corners, a region does not have four sides
+    blunt_limit = 60.0  # degrees; a region with a larger bend at a fifth node does not have four sides
     straight_limit = 30.0  # a node with a smaller bend (degrees) is not a corner
     deviation = 180 - angle
     corners = np.flatnonzero(np.abs(deviation) > straight_limit)
@@ -79,7 +79,7 @@ def _angles(loop: ChainLoop, chains: Mapping[int, SampledChain], reach: float) -
 
 @dataclass(frozen=True, eq=False)
 class QuadSide:
-    """Side of a region, along k parts of lines.
+    """Side of a four-sided region, made of k parts of lines.
     at : (k + 1,) ends of the parts, as fractions of the side's length."""
 
     parts: list[LinePart]
@@ -94,8 +94,8 @@ SideGrid = tuple[list[LinePart], list[LinePart], list[LinePart], list[LinePart]]
 
 
 class SideStations:
-    """Points ("stations") that divide opposite sides of a region.
-    stops : for each line, parameters of the stations."""
+    """Points ("stations") that divide the sides of regions into parts.
+    stops : for each line, the parameters of the stations on the line."""
 
     def __init__(self, lines: NetLines, chains: Mapping[int, SampledChain]) -> None:
         self.lines, self.chains = lines, chains
@@ -109,7 +109,7 @@ class SideStations:
         return along * up
 
     def grid(self, quad: Quad) -> SideGrid:
-        """Return the sides of a region, divided at stations. Adds missing stations to `stops`."""
+        """Return the sides of a region, divided at stations (dividing points). Add missing stations to `stops`."""
         bottom_side, right_side, top_side, left_side = (self._side(steps) for steps in quad.sides)
         below, above = self._divide_sides(bottom_side, top_side.backwards())
         before, after = self._divide_sides(left_side.backwards(), right_side)
@@ -156,7 +156,7 @@ class SideStations:
         return parts
 
     def _add_station(self, side: QuadSide, share: float, before: float, after: float) -> tuple[int, float]:
-        snap_share = 0.15  # an old station replaces a cut if their distance is below 0.15 * distance to the next cut
+        snap_share = 0.15  # a cut moves to an existing dividing point within 0.15 x the distance to the next cut
         p = int(np.clip(np.searchsorted(side.at, share, side="right") - 1, 0, len(side.parts) - 1))
         i, a, b = side.parts[p]
         long = side.at[p + 1] - side.at[p]
@@ -171,8 +171,9 @@ class SideStations:
 
 
 def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, Floats]:
-    """Pair the dividing points of two sides; return positions (k,), ascending, as fractions of each side."""
-    tolerance = 0.1  # two dividing points are a pair only if their fractions of the sides differ by less than this
+    """Return k pairs of dividing points of two opposite sides, as ascending fractions (k,) of each side's length.
+    first_shares, second_shares : old dividing points of each side, as fractions of the side's length."""
+    tolerance = 0.1  # paired dividing points differ by less than this fraction of a side
     if len(first_shares) == len(second_shares) and (np.abs(first_shares - second_shares) < tolerance).all():
         return first_shares, second_shares
     pairs = [(0.0, 0.0), (1.0, 1.0)]
@@ -192,14 +193,15 @@ def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, 
 
 
 CHORD_SHARE = 1 / 8
-"""Fraction of the mesh's chord error that is added to the tolerance of lines. Larger fractions make tori inexact."""
+"""Fraction of the mesh's chord error that is added to the tolerance of curves. Larger fractions make tori inexact."""
 
 
 class LineFits:
     """Fit of curves to chains of mesh edges.
     distance : allowed distance of the solid from the mesh, mm.    box : (2, 3) box that must contain all poles, mm.
     skins    : (2, 3) box around the two skins of the sheet, mm.
-    away     : function of points (k, 6): vectors to skins.    closely : True to halve long cubics far from skins."""
+    away     : function of pairs of points (k, 6); returns the vectors (k, 6) to the skins, mm.
+    closely  : True to halve long cubics that are too far from the skins."""
 
     def __init__(
         self, distance: float, box: Floats, skins: Floats, away: Callable[[Floats], Floats], closely: bool = False
@@ -210,7 +212,7 @@ class LineFits:
         self.pulled, self.arcs = dict[int, tuple[ChainLine, ChainLine]](), ArcsOnSkins(away)
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
-        """Return lines along all chains.
+        """Return fitted curves ("lines") along all chains of mesh edges.
         reach : length (mm) over which the direction of a chain is measured."""
         turns, self.within = partial(chain_turn, chains, reach), chain_tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
@@ -248,7 +250,7 @@ class LineFits:
         return [len(x.steps) == 1 or fewer.get(id(x), len(x.curve.spans) == 1 and self._is_near(net, x)) for x in lines]
 
     def _is_near(self, net: ChainNet, line: ChainLine) -> bool:
-        least_distance = 0.1  # least distance from a joint of chains to a cubic's end / length of the shortest cubic
+        least_distance = 0.1  # least distance between chain joints and ends of cubics / length of the shortest cubic
         nodes, breaks = line.at[1:-1], line.curve.breaks
         if not len(nodes) or line.curve.off > self._tolerance(line.steps) or len(set(ends_of(net, line))) == 1:
             return False
@@ -265,7 +267,7 @@ class LineFits:
         return [self.pulled[id(line)][1] for line in lines]
 
     def halved_strays(self, lines: list[ChainLine]) -> list[ChainLine]:
-        """Halve long cubics that are too far from the skins."""
+        """Halve the long cubics of lines that are too far from the skins."""
         curves = on_skins([line.curve for line in lines], self.away)
         if not curves:
             return lines
@@ -280,7 +282,7 @@ class LineFits:
 
 
 def chain_tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: float) -> dict[int, float]:
-    """Return the tolerance (mm) of each chain."""
+    """Return the largest distance (mm) of a fitted curve from each chain of mesh edges, by chain number."""
     tolerances = {k: OUTLINE_SHARE * distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
     after = {int(chain.points[0]): k for k, chain in net.chains.items() if chain.right == VOID}
     while after:
@@ -306,15 +308,16 @@ Turn = Callable[[ChainEnd, ChainEnd], float]
 
 
 def chain_turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd, second_end: ChainEnd) -> float:
-    """Return the bend (degrees) where two chains meet.
-    reach : length (mm) to measure a chain's direction."""
+    """Return the bend (degrees) where two chains of mesh edges meet.
+    reach : length (mm) over which a chain's direction is measured."""
     directions = [chains[k].direction(end == 0, reach)[0] for k, end in (first_end, second_end)]
     a, b = (direction / np.linalg.norm(direction) for direction in directions)
     return float(np.degrees(np.arccos(np.clip(-a @ b, -1, 1))))
 
 
 def line_links(net: ChainNet, quads: Iterable[Quad], turn: Turn, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
-    """Pair the ends of consecutive chains that can share one line."""
+    """Pair the ends of consecutive chains of mesh edges that one curve can follow.
+    arcs : numbers of the chains at round corners."""
     smooth = 10.0  # degrees; one line follows two chains of an outline only if the bend between them is smaller
     candidates = list[tuple[int, float, ChainEnd, ChainEnd]]()
     for quad in quads:

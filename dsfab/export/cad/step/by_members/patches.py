@@ -13,25 +13,25 @@ from dsfab.export.splines import bernstein
 
 
 def places(poles: Floats, axes: Floats, points: Floats) -> Floats:
-    """Return the parameters (k, 2) at which a surface covers points (k, 3), seen along the third of `axes` (3, 3).
-    poles : (p + 1, p + 1, 3); seen along the third axis, a regular grid in a parallelogram."""
+    """Project points (k, 3) onto a surface along `axes[2]`, and return the surface's parameters (k, 2) there.
+    poles : (p + 1, p + 1, 3); seen along `axes[2]`, they are a regular grid in a parallelogram."""
     (a, b), (c, _) = poles[:: len(poles) - 1, :: len(poles) - 1] @ axes[:2].T
     return np.asarray(np.linalg.solve(np.stack([c - a, b - a], axis=1), (points @ axes[:2].T - a).T).T)
 
 
 def height_rows(uv: Floats, degree: int) -> Floats:
-    """Return weights (k, (degree + 1)^2) of a surface's poles at parameters (k, 2), from 0 to 1."""
+    """Return the weights (k, (degree + 1)^2) of a Bezier surface's poles at parameters uv (k, 2) between 0 and 1."""
     products = np.einsum("ka,kb->kab", _powers(uv[:, 0], degree), _powers(uv[:, 1], degree))
     return np.asarray(products.reshape(len(uv), -1))
 
 
 def rows_at(uv: Floats) -> Callable[[int], Floats]:
-    """Return a function of a degree that returns `height_rows` at the parameters uv (k, 2)."""
+    """Return the function `degree -> height_rows(uv, degree)` with a cache. uv : (k, 2) parameters."""
     return cache(partial(height_rows, uv))
 
 
 def raised_poles(poles: Floats, degree: int) -> Floats:
-    """Return poles (degree + 1, degree + 1) of the same surface in a higher degree."""
+    """Return the poles (degree + 1, degree + 1) that describe the same Bezier surface with a higher degree."""
     while (n := len(poles)) <= degree:
         poles = _degree_matrix(n) @ poles @ _degree_matrix(n).T
     return poles
@@ -55,13 +55,13 @@ def _binomials(degree: int) -> Floats:
 
 @cache
 def differences(count: int) -> Floats:
-    """Return the matrix (2 (k - 2) k, k^2) of second differences of poles (k, k)."""
+    """Return the matrix (2 (k - 2) k, k^2) that maps poles (k, k) to their second differences; k is `count`."""
     second = np.diff(np.eye(count), n=2, axis=0)
     return np.concatenate([np.kron(second, np.eye(count)), np.kron(np.eye(count), second)])
 
 
 PLACES = (np.stack(np.meshgrid(*[np.arange(24)] * 2, indexing="ij"), axis=2).reshape(-1, 2) + 0.5) / 24
-"""Sample parameters (k, 2) of a surface, 24 along each side. A grid of 12 can miss a bulge in a corner."""
+"""Sample parameters (k, 2) of a surface, in a 24 x 24 grid. A 12 x 12 grid can miss a bulge in a corner."""
 
 ROWS = rows_at(PLACES)
 
@@ -70,8 +70,8 @@ ROWS = rows_at(PLACES)
 class FaceLimits:
     """Limits of faces, millimetres.
     gap : largest gap between trimmed faces and their edges.
-    off : largest distance of a face from inner points.
-    box : (2, 3) box that must hold the poles.
+    off : largest distance of a face from the points inside its region.
+    box : (2, 3) box that must contain all poles.
     beyond_mesh : function of points (k, 3); returns distance from the mesh minus limit (k,). None: no limit."""
 
     gap: float
@@ -85,8 +85,8 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return the largest `beyond_mesh` (mm) at samples of surfaces (poles and axes); -inf if `beyond_mesh` is None.
-    lines : for each outline, points (., 3) on each surface."""
+    """Return the largest value of `beyond_mesh` (mm) at sample points of surfaces; -inf if `beyond_mesh` is None.
+    surfaces : poles and axes of each surface.    lines : for each outline, points (., 3) on each surface."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -94,13 +94,13 @@ def largest_excess(
 
 
 def places_inside(poles: Floats, axes: Floats, lines: Sequence[Floats]) -> Floats:
-    """Return sample points (k, 3) of a surface inside closed lines (., 3) along `axes[2]`."""
+    """Return the sample points (k, 3) of a surface that are inside closed lines (., 3), seen along `axes[2]`."""
     points = ROWS(len(poles) - 1) @ poles.reshape(-1, 3)
     return np.asarray(points[points_inside(points @ axes[:2].T, [line @ axes[:2].T for line in lines])])
 
 
 def points_inside(points: Floats, lines: Sequence[Floats]) -> Bools:
-    """Return a mask (k,) of points (k, 2) inside an odd number of closed lines (., 2)."""
+    """Return a mask (k,) that is True for points (k, 2) inside an odd number of closed lines (., 2)."""
     x, y = points.T
     is_inside = np.zeros(len(points), dtype=bool)
     for line in lines:
@@ -130,7 +130,7 @@ def coons(bottom_poles: Floats, right_poles: Floats, top_poles: Floats, left_pol
 
 
 def patches_on_skins(grids: Sequence[Floats], vectors_to_skins: Callable[[Floats], Floats]) -> list[Floats]:
-    """Move inner poles of patches (ku, kv, 4, 4, d) onto the skins.
+    """Move the inner poles of each region's patches (ku, kv, 4, 4, d), so that the patches lie on the skins.
     vectors_to_skins : function of points (k, d); returns the vectors to the skins."""
     sides = [((P[:, 0, :, 0], P[:, -1, :, -1]), (P[0, :, 0], P[-1, :, -1])) for P in grids]
     splines = [[InnerSpline.from_breaks(_break_shares(*pair)) for pair in pairs] for pairs in sides]
@@ -161,7 +161,7 @@ def _break_shares(side_spans: Floats, opposite_spans: Floats) -> Floats:
 
 
 def least_jacobian(P: Floats) -> float:
-    """Return the smallest Jacobian of a patch / its largest Jacobian, for the worst of all patches (..., 4, 4, 3)."""
+    """Return the lowest ratio of a patch's smallest Jacobian to its largest Jacobian. P : (..., 4, 4, 3) poles."""
     P, x = P.reshape(-1, 4, 4, 3), np.linspace(0, 1, 5)
     B, C = bernstein(x), np.stack([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
     du = np.einsum("xa,yb,kabi->kxyi", C, B, np.diff(P, axis=1))
@@ -172,7 +172,7 @@ def least_jacobian(P: Floats) -> float:
 
 
 class PatchBuilder:
-    """Builder of patches.
+    """Function that builds Bezier patches on the skins for four-sided regions.
     away   : function of rows (k, 6) of two points, one near each skin; returns the vectors (k, 6) to the skins."""
 
     def __init__(self, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
@@ -180,8 +180,8 @@ class PatchBuilder:
         self.known = dict[int, tuple[list[bytes], Floats | None]]()
 
     def __call__(self, regions: Sequence[int], sides: Sequence[Sequence[Floats]]) -> list[Floats | None]:
-        """Return the poles (ku, kv, 4, 4, 6) of each region; None without good patches.
-        sides : bottom, right, top and left side of each region."""
+        """Return the poles (ku, kv, 4, 4, 6) of each region's patches; None if patches are folded or exceed a limit.
+        sides : poles of the bottom, right, top and left side of each region."""
         poles = [[side.tobytes() for side in four] for four in sides]
         changed = [i for i, region in enumerate(regions) if self.known.get(region, ((),))[0] != poles[i]]
         for i, P in zip(changed, self._build([sides[i] for i in changed]), strict=True):
@@ -201,7 +201,7 @@ class PatchBuilder:
 
 
 def stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
-    """Return for each region (k,) the largest distance (mm) of the middle of a patch from the skins."""
+    """Return, for each of k regions, the largest distance (k,) of a patch's middle from the skins, mm."""
     half = bernstein(np.array([0.5]))[0]
     middles = [np.einsum("a,b,uvabi->uvi", half, half, P).reshape(-1, 6) for P in patches]
     distances = np.linalg.norm(away(np.concatenate(middles)).reshape(-1, 2, 3), axis=2).max(axis=1)
@@ -209,7 +209,8 @@ def stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats])
 
 
 def patch_excess(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
-    """Return for each region (k,) the largest (distance from the mesh - limit), mm; -inf without a limit."""
+    """Return, for each of k regions, the largest distance of a patch from the mesh minus its limit (k,), mm.
+    The values are -inf without a limit."""
     if not patches or limits.beyond_mesh is None:
         return np.full(len(patches), -np.inf)
     poles, B = [P.reshape(-1, 4, 4, 6) for P in patches], bernstein(np.linspace(0, 1, 7))

@@ -21,8 +21,8 @@ from dsfab.surface import edge_table, half_edges, link_components
 
 
 def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: float) -> ChainNet:
-    """Cut off the two ends of each region with two long walls.
-    An end narrower than `width` mm is not cut off."""
+    """Cut the two ends off each region between two long walls, so that the ends become new regions.
+    An end narrower than `width` (mm) stays in its region."""
     points_each = 9  # a chain that divides a region has 9 points
     P = np.asarray(net.weights @ lifting.skins.points)
     chains, loops, cell = dict(net.chains), dict(net.loops), dict(net.parent)
@@ -62,7 +62,7 @@ def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width
 
 
 def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, int] | None:
-    """Return two positions in a region's loop, or None."""
+    """Return the positions of the two long walls in a region's loop of chains; None without two long walls."""
     long = 1.5  # a member's walls are longer than 1.5 times the distance between the walls
     if len(loops) != 1 or len(loops[0]) < 5:
         return None
@@ -78,8 +78,8 @@ def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, 
 
 
 def is_narrow_end(net: ChainNet, end: ChainLoop, P: Floats, width: float, region_area: Floats) -> bool:
-    """Return True if a straight cut leaves the region, or if the end is narrower than `width` (mm).
-    P : (n, 3) points."""
+    """Return True if an end is narrower than `width` (mm), or if a straight cut at the end leaves the region.
+    end : chains of the end.    P : (n, 3) points, mm.    region_area : (3,) area vector of the region."""
     line = P[_points(net, end)]
     return mean_width(line) < width or float(vector_area(line) @ region_area) < 0
 
@@ -89,12 +89,12 @@ def _points(net: ChainNet, loop: ChainLoop) -> Ints:
 
 
 LEAST_COSINE = 0.75
-"""Smallest cosine between a region's normals and their mean; a region with a smaller cosine may be divided."""
+"""Smallest cosine between the normals and the mean normal of a region. Below this value, a region may be divided."""
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
     """Divide strongly bent regions into flatter parts.
-    `net` must begin with the points of `sheet`."""
+    The first points of `net` must be the points of `sheet`."""
     most_seams = 200  # a sheet gets at most 200 seams
     work = _BendSeams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}
@@ -124,7 +124,7 @@ class _BendSeams:
         self.net, self.F, self.skins = net, sheet.F, lifting.skins
         self.P = np.asarray(sheet.weights @ self.skins.points)
         a, b, c = (self.P[self.F[:, i]] for i in range(3))
-        N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # vertex normals: exact even at slivers
+        N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # face normals are wrong at slivers
         self.N = unit_vectors(N) * np.linalg.norm(cross(b - a, c - a), axis=1)[:, None]
 
     def least_cosine(self, region: int) -> float:
@@ -147,7 +147,7 @@ class _BendSeams:
         return float(np.linalg.norm(N, axis=1).sum() - np.linalg.norm(N.sum(axis=0)))
 
     def divide(self, region: int) -> int:
-        """Divide a region by a seam; return the new region's number, or -1."""
+        """Divide a region by a seam (row of mesh edges); return the new region's number, or -1 without a seam."""
         seam = self._seam(region)
         if seam is None and self._halve_chains(region):
             seam = self._seam(region)

@@ -15,7 +15,7 @@ from dsfab.surface import EdgeTable, edge_table, half_edges, link_components, ne
 CORNER_COSINE = np.cos(np.deg2rad(40.0))  # cosine of the smallest bend at a corner of an outline
 
 ROUND_COSINE = np.cos(np.deg2rad(10.0))
-"""Cosine of the smallest bend at a vertex of a round corner. Nodes mark the ends of round corners.
+"""Cosine of the smallest bend between two edges at a vertex of a round corner.
 Bends are measured in the plane of the sheet. Bends out of this plane come from the coarse mesh."""
 
 VOID = -1  # number in place of a region, for the space beyond an outline
@@ -25,33 +25,33 @@ ChainLoop = list[tuple[int, bool]]  # chain numbers in order; True if the loop r
 @dataclass(frozen=True, eq=False)
 class Chain:
     """Chain of mesh edges between two nodes.    left, right : numbers of regions; `VOID` for no region.
-    points : (k,) numbers of points. The first and the last are nodes."""
+    points : (k,) numbers of points along the chain. The first and the last point are nodes."""
 
     points: Ints
     left: int
     right: int
 
     def directed_points(self, ahead: bool) -> Ints:
-        """Return the points (k,) of this chain, in reverse order unless `ahead`."""
+        """Return the point numbers (k,) of this chain, in reverse order unless `ahead`."""
         return self.points if ahead else self.points[::-1]
 
     def region_beyond(self, ahead: bool) -> int:
-        """Return the region on the right of the chain if `ahead`, else the region on the left."""
+        """Return the number of the region on the right of the chain if `ahead`, else on the left."""
         return self.right if ahead else self.left
 
     def with_region(self, region: int, ahead: bool) -> "Chain":
-        """Return the chain with a new region on its left if `ahead`, else on its right."""
+        """Return the chain with `region` on its left if `ahead`, else on its right."""
         return Chain(self.points, region, self.right) if ahead else Chain(self.points, self.left, region)
 
 
 @dataclass(frozen=True, eq=False)
 class ChainNet:
     """Regions of a sheet, and the chains of mesh edges between regions.
-    weights : (p, n) barycentric weights of all points on the uncut surface.    chains : by number.
+    weights : (p, n) barycentric weights of all points on the uncut surface.    chains : by chain number.
     loops   : by region, loops of chains with the region on the left.    loose : regions outside of all stripes.
-    cell    : (m,) region of each cell of the sheet; for a cut-off region, its parent.
-    parent  : by number of a cut-off region, the region that it was cut from.
-    twins   : by point on the seam, the point on the other side."""
+    cell    : (m,) region of each face of the sheet. For faces of a cut-off region: its parent region.
+    parent  : number of a cut-off region -> number of the region from which it was cut.
+    twins   : point on the seam -> point at the same place on the opposite side of the seam."""
 
     weights: csr_array
     chains: dict[int, Chain]
@@ -62,23 +62,23 @@ class ChainNet:
     twins: dict[int, int] = field(default_factory=dict)
 
     def on_seam(self, k: int) -> bool:
-        """Return True if chain k lies on the seam."""
+        """Return True if chain k lies on the seam where a one-sided sheet was cut open."""
         points = self.chains[k].points
         return bool(self.twins) and self.chains[k].right == VOID and all(int(p) in self.twins for p in points)
 
     def ends(self, step: tuple[int, bool]) -> tuple[int, int]:
-        """Return the first and the last node of a chain. step : chain number, True for the chain's own direction."""
+        """Return the first and last node of a chain. step : chain number, and True for the chain's own direction."""
         points = self.chains[step[0]].directed_points(step[1])
         return int(points[0]), int(points[-1])
 
 
 CreaseTest = Callable[[csr_array, Ints, Ints], Bools]
-"""Function that tells which segments between two points lie on a crease, see `CreaseSides.lines_on_creases`."""
+"""Function that marks the segments between two points on a crease, see `CreaseSides.lines_on_creases`."""
 
 
 def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased: CreaseTest | None = None) -> ChainNet:
     """Return the regions of a sheet, and the chains of mesh edges between regions.
-    V, N : (n, 3) vertices and normals of the uncut surface.    creased : test for lines on a crease."""
+    V, N : (n, 3) vertices and normals of the uncut surface.    creased : test for segments on a crease."""
     P, normals = (np.asarray(sheet.weights @ x) for x in (V, N))
     edges = edge_table(sheet.F)
     start, end = half_edges(sheet.F)
@@ -89,7 +89,7 @@ def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased:
 
 
 def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
-    """Return, by node, the ends of its chains: (chain, 0) for a chain's beginning, (chain, -1) for its end."""
+    """Return, by node, the ends of the chains there: (chain, 0) for a chain's start, (chain, -1) for its end."""
     node_ends = dict[int, list[tuple[int, int]]]()
     for k, chain in net.chains.items():
         for end in (0, -1):
@@ -98,14 +98,14 @@ def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
 
 
 def outline_through(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int] | None:
-    """Return the outline's chain that ends at a node, and the chain that begins there.
-    Return None unless exactly one outline passes."""
+    """Return the numbers of the outline's chain that ends at a node, and of its chain that begins at the node.
+    Return None unless exactly one outline passes.    ends : ends of the chains at the node."""
     before, after = ([k for k, end in ends if end == which and net.chains[k].right == VOID] for which in (-1, 0))
     return (before[0], after[0]) if len(before) == len(after) == 1 and before != after else None
 
 
 def turns(before: Floats, after: Floats, N: Floats) -> Floats:
-    """Return cosines (k,) of the angles between directions (k, 3), projected along normals N (k, 3)."""
+    """Return cosines (k,) of the angles between `before` and `after` (k, 3) after projection along normals N (k, 3)."""
     flat_before, flat_after = (
         direction - N * (np.einsum("ki,ki->k", direction, N) / np.einsum("ki,ki->k", N, N))[:, None]
         for direction in (before, after)
@@ -117,7 +117,7 @@ def turns(before: Floats, after: Floats, N: Floats) -> Floats:
 def _regions(
     sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float, apart: Bools
 ) -> tuple[Ints, frozenset[int]]:
-    """Return the region of each cell, and the regions outside stripes."""
+    """Return the region (m,) of each face, and the numbers of the regions outside stripes."""
     sliver = 1 / 4  # a region with an area below (thickness / 4)^2 joins a neighbour
     f, g = edges.pairs.T // 3
     is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
@@ -178,7 +178,7 @@ class _BorderWalk:
 
     @cached_property
     def _seam_points(self) -> Ints:
-        """Pairs (2, k) of vertices on the two sides of the seam."""
+        """Pairs (2, k) of vertices at the same place on the two sides of the seam."""
         side_a, side_b = self.seam.T
         return np.stack([np.append(self.start[side], self.end[side]) for side in (side_a, side_b)])
 
@@ -242,7 +242,7 @@ class _BorderWalk:
 
 
 def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
-    """Join chains along a round corner or a straight wall. P, N : (p, 3) points, normals."""
+    """Join consecutive chains along a round corner or a straight wall. P, N : (p, 3) points and normals."""
     ends = [int(p) for chain in net.chains.values() for p in (chain.points[0], chain.points[-1])]
     degree = np.bincount(ends, minlength=len(P))
     degree[list(net.twins)] = 0  # chains on the two sides of a seam are not joined
@@ -280,7 +280,7 @@ def _outline_points(loop: ChainLoop, position: int, chains: dict[int, Chain]) ->
 
 
 def _is_outline_end(line: Floats, N: Floats) -> bool:
-    """Return True if the middle of 5 outline points (5, 3) ends a wall."""
+    """Return True if a wall ends at the middle point of 5 outline points (5, 3). N : (5, 3) normals of the sheet."""
     if len(line) < 5:
         return True
     d = np.diff(line, axis=0)
@@ -290,7 +290,7 @@ def _is_outline_end(line: Floats, N: Floats) -> bool:
 
 
 def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
-    """Join narrow regions between two chains to a neighbour. P : (p, 3) points of the net.
+    """Join each narrow region between two chains to a neighbouring region. P : (p, 3) points of the chains.
     width : least mean width, in the unit of P."""
     chains, loops, loose, cell = dict(net.chains), dict(net.loops), set(net.loose), net.cell.copy()
     for region in list(loops):
@@ -312,7 +312,7 @@ def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
 
 
 def mean_width(line: Floats) -> float:
-    """Return the mean width inside a closed line (k, 3): area / half of the length."""
+    """Return the mean width inside a closed line (k, 3): the enclosed area / half of the line's length."""
     return 2 * float(np.linalg.norm(vector_area(line))) / max(polygon_perimeter(line), 1e-300)
 
 
@@ -323,10 +323,10 @@ def vector_area(line: Floats) -> Floats:
 
 
 INNER = ((1 / 3, 1 / 3, 1 / 3), (2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
-"""Barycentric coordinates of the points in each cell to which a trimmed face is fitted."""
+"""Barycentric coordinates of the points in each mesh face to which a trimmed face is fitted."""
 
 MORE = tuple((a / 7, b / 7, 1 - (a + b) / 7) for a in range(1, 6) for b in range(1, 7 - a))
-"""More barycentric points of cells longer than the sheet's thickness, so that fitted faces have no waves there."""
+"""More barycentric coordinates for mesh faces longer than the sheet's thickness. They prevent waves in fitted faces."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -339,7 +339,7 @@ class RegionInterior:
     fine: bool = False
 
     def points(self, net: ChainNet, regions: Sequence[int]) -> dict[int, Floats]:
-        """Return points (k, 6) by region. A row has two points, one on each skin."""
+        """Return points (k, 6) inside each region, by region number. A row has two points, one on each skin."""
         if not regions:
             return {}
         cells = [np.flatnonzero(net.cell == net.parent.get(region, region)) for region in regions]

@@ -16,8 +16,8 @@ from dsfab.export.splines import bernstein
 
 @dataclass(frozen=True)
 class MovedRim:
-    """Changes that move edges of walls onto a face.    pieces : numbers of these edges.
-    edges, vertices : by number; a vertex (6,) is a pair of points on the two skins."""
+    """Changes that move edges of walls onto a face.    pieces : numbers of the edges that lie on the face afterwards.
+    edges, vertices : changed values, by number. A vertex (6,) is a pair of points on the two skins, mm."""
 
     pieces: list[int]
     edges: dict[int, NetEdge]
@@ -42,13 +42,13 @@ class Rims:
         return self.pieces & _edges_of_face(face)
 
     def seams(self, face: TrimmedFace, curves: Mapping[int, Floats]) -> dict[int, Floats]:
-        """Return those of `curves` (poles by edge number) on a face's outline that are not rims (edges of walls)."""
+        """Select the `curves` (poles by edge number) on a face's outline that are not rims (edges of walls)."""
         around = _edges_of_face(face)
         return {e: poles for e, poles in curves.items() if e in around and e not in self.rims}
 
     def moved_onto(self, face: TrimmedFace, on_seams: bool) -> MovedRim | None:
         """Return the changes that move rims (edges of walls) onto a face; None if no rim can move.
-        on_seams : True if rims that end at seams can also move."""
+        on_seams : True if rims that end at seams (edges between two faces) can move, too."""
         nodes, around = np.linspace(0, 1, 4)[:, None], _edges_of_face(face)  # heights at 4 places determine a cubic
         free = {v for v, ends in self.ends.items() if len(ends) == 2 and around & self.rims >= set(ends)}
         ends = {e: (self.edges[e].start, self.edges[e].end) for e in around}
@@ -71,7 +71,7 @@ class Rims:
         return MovedRim(face_pieces, edges, vertices)
 
     def take(self, change: MovedRim) -> None:
-        """Apply the changes to the edges and vertices."""
+        """Replace edges and vertices of the model by the values in `change`."""
         for e, edge in change.edges.items():
             self.edges[e] = edge
         for v, point in change.vertices.items():
@@ -91,24 +91,24 @@ def _edges_of_face(face: TrimmedFace) -> set[int]:
     return {e for loop in face.loops for e, _ in loop}
 
 
-FILLET_SHARE = 1 / 6  # largest fillet radius / thickness; edges lie exactly on the surface as far as such fillets go
+FILLET_SHARE = 1 / 6  # edges lie exactly on the surface as far as a fillet of this radius / thickness reaches
 
 INNER_SHARE = 6 / 7
-"""Smallest fillet radius on the inner skin / radius on the outer skin, as inner edges are shorter at openings."""
+"""Smallest ratio of a fillet's radius on the inner skin to its radius on the outer skin."""
 
 TEST_PLACES = np.linspace(0, 1, 33)  # parameters of the samples along an edge
 
 FLUSH_TOLERANCE = 1e-6
-"""Largest distance (mm) between a face and its edge at a sharp corner, so that OCCT can make fillets there."""
+"""Largest distance (mm) between a face and its edge at a sharp corner where OCCT can make a fillet."""
 
 STILL_ROWS = rows_at(np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2))
-"""Function of a degree; returns a surface's basis at a grid of places, where a fit must hardly move the surface."""
+"""Function of a surface's degree. It returns the Bezier basis at 13 x 13 places that a fit should hardly move."""
 
 MOVED = 1 / 400  # largest movement of points inside a face, as a fraction of the thickness
 
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
-    """Cut edges near sharp corners, and fit trimmed faces exactly to their edges there."""
+    """Cut edges near sharp corners, and fit trimmed faces exactly to the edge parts at the corners."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
     near_vertices = {v for e in face_edges for v in (model.edges[e].start, model.edges[e].end)}
     corners = {v: half for v, half in corner_tangents(model).items() if v in near_vertices}
@@ -165,14 +165,14 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    shortest_cut = 0.1  # least part between two cuts, or from a single cut to the far end, as a fraction of the edge
+    shortest_cut = 0.1  # shortest part between two cuts, or beyond a single cut, as a fraction of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
     line, shares = bernstein(TEST_PLACES) @ poles, list[float]()
     for end, half in enumerate(halves):
         if half:
             away = np.linalg.norm((line - line[-end]).reshape(-1, 2, 3), axis=2)[:: -1 if end else 1]
             limits = zip((radius * half, INNER_SHARE * radius * half), np.maximum.accumulate(away).T, strict=True)
-            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # x = 1: no fillet fits
+            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # x = 1 if no fillet fits
             if x > 1 - shortest_cut:
                 return []
             shares.append(1 - x if end else x)
@@ -200,11 +200,11 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
-    """Return poles of a surface near the old `poles`, through `points[0]`; None if no surface fits."""
+    """Return poles of a surface through `points[0]` and near the surface of `poles`; None if no fit succeeds."""
     hopeless = 20.0  # the search ends after three polynomial degrees if a residual is over 20 times its limit
     more_degrees = 6  # the degree of a surface rises by at most 6
-    exact = 5e-8  # mm; goal of the fit. OCCT ignores gaps up to twice this, but rounding of poles widens gaps
-    weights = (1.0, 1e-2), (0.1, 1e-4)  # for two trials: (weight of the old surface, weight of smooth changes)
+    exact = 5e-8  # goal of the fit (mm): half of the gap that OCCT ignores, because rounded poles widen gaps
+    weights = (1.0, 1e-2), (0.1, 1e-4)  # weights for two trials: of the old surface, and of smooth changes
     local, limits = poles @ axes.T, (FLUSH_TOLERANCE, SPLIT, largest_move)
     parameters, heights = [places(poles, axes, group) for group in points], [group @ axes[2] for group in points[:3]]
     heights.append(height_rows(parameters[3], len(poles) - 1) @ local[..., 2].ravel())
@@ -230,8 +230,8 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
-    """Return changes of pole heights."""
-    held_weight, move_weight = 1e6, 1e-4  # weights: of points that the surface must contain; of small pole movements
+    """Return the changes of pole heights (mm) that move a surface by `distances` at sample points (least squares)."""
+    held_weight, move_weight = 1e6, 1e-4  # weights of points that must be on the surface, and of small pole movements
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]
     right = np.concatenate([held_weight * distances[0], distances[2], np.zeros(sum(map(len, still)))])

@@ -25,9 +25,9 @@ from dsfab.export.splines import bernstein, polyline_length
 
 @dataclass(frozen=True, eq=False)
 class FaceDomain:
-    """Parallelogram around the edges of a face. axes : (3, 3) two axes of the plane, and the normal.
-    origin : (3,) in the plane.    sides : (2, 2) directions of the sides.    low, high : (2,) extent along the sides.
-    uv, z  : (k, 2) parameters and (k,) heights of points.    inside : number of inner points, which come first."""
+    """Parallelogram in a plane around the edges of a face. axes : (3, 3) two axes of the plane, and its normal.
+    origin : (3,) point of the plane.    sides : (2, 2) directions of the sides.    low, high : (2,) extent along sides.
+    uv, z  : (k, 2) parameters and (k,) heights of points, inner points first.    inside : number of inner points."""
 
     origin: Floats
     axes: Floats
@@ -40,7 +40,7 @@ class FaceDomain:
 
     @classmethod
     def from_edges(cls, points: Floats, edges: Floats, axes: Floats, sides: Floats) -> "FaceDomain":
-        """Return the domain around edges (j, 3), without points (k, 3) outside of the parallelogram."""
+        """Return the parallelogram around edge points (j, 3), and drop inner points (k, 3) outside of it."""
         origin, across = edges.mean(axis=0), np.linalg.inv(sides)
         inside, around = (points - origin) @ axes.T, (edges - origin) @ axes.T
         inner_places, ends = inside[:, :2] @ across, around[:, :2] @ across
@@ -51,21 +51,22 @@ class FaceDomain:
         return cls(origin, axes, sides, low, high, uv, z, int(within.sum()))
 
     def poles_at(self, z: Floats) -> Floats:
-        """Return evenly spaced poles (p + 1, p + 1, 3) at heights z (p + 1, p + 1)."""
+        """Return a grid of poles (p + 1, p + 1, 3) over the parallelogram at heights z (p + 1, p + 1)."""
         u, v = (np.linspace(self.low[i], self.high[i], len(z)) for i in (0, 1))
         plane = np.stack(np.broadcast_arrays(u[:, None], v[None]), axis=2) @ self.sides
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """Return two of the directions `ways` (k, 2) for the sides of a parallelogram, in right-handed order."""
-        least_sine = 1 / 4  # sine of the angle of the sides; at smaller angles, a bent surface would have folds
+        """Choose two of the directions `ways` (k, 2) for the sides of the parallelogram, in right-handed order.
+        With these sides, the surface's corners have the smallest distance outside of `box` (2, 3)."""
+        least_sine = 1 / 4  # least sine of the angle between two sides; at smaller angles, bent surfaces have folds
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
         long = np.linalg.norm(ways, axis=1)[:, None]
         ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # a closed edge has no chord
         turned = np.stack([-ways[:, 1], ways[:, 0]])
         leftwards = places_in_plane @ turned
-        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) extent perpendicular to each way
+        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) limits across each direction
         i, j = np.triu_indices(len(ways), 1)
         sine = (ways @ turned)[j, i]
         i, j = np.where(sine > 0, (i, j), (j, i))  # right-handed axes make the surface face outwards
@@ -96,11 +97,11 @@ def _outside(points: Floats, box: Floats) -> Floats:
 
 
 SPLIT = 0.045
-"""Widest gap (mm) between a face and its edge so that OCCT can cut the edge, measured at 23 points of the edge.
+"""Widest gap (mm) between a face and its edge where OCCT can cut the edge, measured at 23 points of the edge.
 OCCT measures each part of a cut edge at 23 new points, and allows gaps up to 0.05 mm (`BOPAlgo_Builder::PostTreat`)."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
-"""Weights of edge points in trial fits of a face; inner points have weight 1. The last trials use the smaller one."""
+"""Weights of edge points in trial fits of a face. Inner points have weight 1. Last trials use the smaller weight."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
 """Weights of second differences of pole movements in trial fits. Later trials use the smaller weight."""
@@ -117,10 +118,10 @@ FURTHER_TRIALS = (
 """Trial fits after `USUAL_TRIALS`, until the gap of one fit is below `SPLIT`."""
 
 TURNED = np.array([[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in np.radians(np.arange(0, 90, 5))])
-"""Axes (t, 2, 2) of the rectangles that are tried around a region."""
+"""Axes (t, 2, 2) of rectangles around a region. The rectangle with the smallest area is used."""
 
 HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
-"""Parameters where a surface is fitted to an edge; between them the distance from the edge is below 5e-8 mm."""
+"""Parameters of an edge at the points that a fitted surface contains. Elsewhere, distances are below 5e-8 mm."""
 
 LEAST_NORMAL_COSINE = 0.35  # smallest cosine between mean normal and normals of a region
 
@@ -130,8 +131,8 @@ class TrimmedFace:
     """Faces of a region, one on each skin of the sheet.
     loops : loops of edges, the outer loop first.    outer, inner : poles (p + 1, p + 1, 3), mm.
     axes  : (3, 3) for each surface: two axes of the plane, and the direction of heights.
-    gap   : widest gap at the edges, mm.    off : largest distance of inner points, mm.
-    exact : True if edges lie on the surfaces.    astray : distance from the mesh beyond the limit, mm, or -inf."""
+    gap   : widest gap at the edges, mm.    off : largest distance of inner points from the surfaces, mm.
+    exact : True if edges lie on the surfaces.    astray : distance from the mesh minus its limit, mm, or -inf."""
 
     loops: list[ChainLoop]
     outer: Floats
@@ -144,7 +145,7 @@ class TrimmedFace:
 
     @property
     def skins(self) -> tuple[tuple[Floats, Floats, slice], ...]:
-        """For each skin: poles and axes of the surface, and the slice of columns in points (k, 6)."""
+        """For each skin: the surface's poles and axes, and the columns of this skin in points (k, 6)."""
         return (self.outer, self.axes[0], slice(3)), (self.inner, self.axes[1], slice(3, 6))
 
     def gaps(self, points: Floats) -> Floats:
@@ -157,7 +158,7 @@ def trimmed_face(
 ) -> TrimmedFace:
     """Return the trimmed face of a region, with one surface on each skin.
     Raises ExportError if a single surface cannot fit.
-    points : (k, 6).    part : True if the points may lie outside of the region."""
+    points : (k, 6) inner points on both skins, mm.    part : True if some points may be outside of the region."""
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)
     if part:
@@ -165,7 +166,7 @@ def trimmed_face(
     allowed = np.concatenate([points, edges])
     mean = middle_normal(allowed)
     if (_skin_normals(allowed) @ mean).min() < LEAST_NORMAL_COSINE:
-        raise ExportError("a region of the sheet bends too much for a single surface")
+        raise ExportError("a region of the sheet bends too much for a single spline surface")
     axes = axes_of(mean)
     area = [signed_area(line[:, :3] @ axes[:2].T) for line in lines]
     order = sorted(range(len(loops)), key=lambda i: -area[i])
@@ -180,7 +181,7 @@ def trimmed_face(
 
 
 def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
-    """Return a mask of points (k, 6) of the sheet inside lines (., 6)."""
+    """Return a mask (k,) that is True for points (k, 6) of the sheet inside closed lines (., 6)."""
     mean = middle_normal(np.concatenate(lines))
     plane = axes_of(mean)[:2].T
     is_inside = points_inside(points[:, :3] @ plane, [line[:, :3] @ plane for line in lines])
@@ -194,7 +195,7 @@ def inside_of(line: Floats) -> Floats:
 
 
 def loop_samples(model: NetModel, loop: ChainLoop) -> Floats:
-    """Return points (k, 6) along a loop."""
+    """Return points (k, 6) on both skins along a loop of edges, mm."""
     fewest, step_share = 12, 1 / 160  # fewest steps along an edge; usual step, as a fraction of the loop's length
     poles = [model.poles(step) for step in loop]
     long = np.array([polyline_length(P[:, :3]) for P in poles])
@@ -219,14 +220,14 @@ def middle_normal(points: Floats) -> Floats:
 
 
 def axes_of(normal: Floats) -> Floats:
-    """Return right-handed axes (3, 3); the last axis is the normal."""
+    """Return right-handed orthogonal unit axes (3, 3); the last axis is `normal`."""
     along = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
     along /= np.linalg.norm(along)
     return np.stack([along, np.cross(normal, along), normal])
 
 
 def signed_area(P: Floats) -> float:
-    """Return the area of a closed line (k, 2), positive counter-clockwise."""
+    """Return the area inside a closed line (k, 2); positive if the line is counter-clockwise."""
     x, y = P.T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
@@ -234,8 +235,8 @@ def signed_area(P: Floats) -> float:
 def height_surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
-    """Fit a surface to inner points (k, 3) and edges (j, 3). Return its poles and axes, and its largest distances (mm)
-    from edges and from inner points."""
+    """Fit a surface to inner points (k, 3) and edge points (j, 3).
+    Return the surface's poles and axes, and its largest distances (mm) from edge points and from inner points."""
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
     over = FaceDomain.from_edges(points, edges, axes, np.eye(2))
     poles, gap, inner_distance = _fit_domain(over, limits)
@@ -262,13 +263,13 @@ def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
 
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
-    """Return the distances (k,), mm, of a closed line (k, 6) from surfaces fitted on each skin; inf without a fit.
+    """Return the distances (k,), mm, of a closed line (k, 6) from surfaces fitted to the skins; inf without a fit.
     points : (j, 6) inner points."""
     return np.maximum(*misfits(points, line, degree))
 
 
 def misfits(points: Floats, line: Floats, degree: int) -> Iterator[Floats]:
-    """Yield the distances (k,) of a line from the fitted surface of the outer, then of the inner skin."""
+    """Yield the distances (k,) of a line from the surface fitted to the outer skin, then to the inner skin, mm."""
     points = points[inside_outlines(points, [line])]
     allowed = np.concatenate([points, line])
     mean = middle_normal(allowed)

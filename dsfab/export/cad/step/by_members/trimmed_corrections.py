@@ -24,7 +24,7 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.splines import bernstein
 
 ROWS = rows_at(np.stack(np.meshgrid(*[np.arange(0.5, 12) / 12] * 2, indexing="ij"), axis=2).reshape(-1, 2))
-"""Function of a surface's degree; it returns the Bezier basis at 12 x 12 places."""
+"""Function of a surface's degree. It returns the Bezier basis at 12 x 12 places of the surface."""
 
 
 def without_strays(
@@ -34,8 +34,8 @@ def without_strays(
     away: Callable[[Floats], Floats],
     limits: FaceLimits,
 ) -> dict[int, TrimmedFace]:
-    """Fit faces again, with more points, if they are too far from the skins of the sheet.
-    points : (k, 6) for each face.    away : function of points; returns the vectors to both skins."""
+    """Fit the faces that are too far from the skins of the sheet again, with more points.
+    points : (k, 6) inner points of each face.    away : function of points (k, 6); returns vectors to both skins."""
     rounds = 2  # after a correction in one place, a face may be too far from the skins in another place
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):
@@ -48,7 +48,7 @@ def without_strays(
             fit_points[i] = np.concatenate([fit_points[i], face_points])
             try:
                 result[i] = trimmed_face(model, result[i].loops, fit_points[i], limits, True)
-            except ExportError:  # no single surface fits the first points and the points added on the skins
+            except ExportError:  # no surface fits the old points together with the added points
                 continue
             todo.append(i)
     return result
@@ -57,7 +57,7 @@ def without_strays(
 def _skins_beside(
     model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], tolerance: float
 ) -> list[Floats]:
-    """Return for each face the points (k, 6) on both skins beside stray sample points."""
+    """Return, for each face farther than `tolerance` from the skins, the nearest skin points (k, 6); else (0, 6)."""
     samples = [_places(model, face) for face in faces]
     ways = away(np.concatenate(samples))
     result = list[Floats]()
@@ -73,12 +73,12 @@ def _places(model: NetModel, face: TrimmedFace) -> Floats:
 
 
 SAMPLES = 23  # number of OCCT's points along an edge, ends included
-BETWEEN = 8  # number of dsfab's steps along an edge between two of the points where OCCT measures gaps
+BETWEEN = 8  # number of dsfab's steps between two neighbouring points of OCCT along an edge
 SLOPE_STEP = 1e-3  # distance (mm) of two points that determine the slope of a surface
 
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-    """Change faces so that OCCT measures, if possible, the widest gaps of faces at seams."""
+    """Change faces so that, if possible, the widest gap at each seam (edge between faces) is where OCCT measures."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
     exact_poles = {e: edge.poles for e, edge in enumerate(model.edges)} | curves_beyond(model)
@@ -108,7 +108,7 @@ def _with_peaks(
 
 @dataclass(frozen=True, eq=False)
 class _PeakSurface:
-    """Surface of a trimmed face on one skin."""
+    """Surface of a trimmed face on one skin, with samples of the edges around it."""
 
     poles: Floats
     axes: Floats
@@ -134,9 +134,10 @@ class _PeakSurface:
         return float(np.abs(self._gaps_and_cosines(poles @ self.axes.T)[0]).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
-        """Return for each round the heights of the poles, and a count of remaining seams."""
-        rounds = 6  # largest number of times that all poles move
-        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of goals: gaps at samples, smooth and small pole movements
+        """Adjust the pole heights in rounds; return the heights after each round.
+        Return also the number of seams with a widest gap between OCCT's sample points."""
+        rounds = 6  # largest number of rounds of pole movements
+        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of wanted gaps, of smooth and of small pole movements
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
@@ -185,7 +186,7 @@ class _PeakSurface:
 
     def _misplaced(self, gaps: Floats) -> Bools:
         exact = 1e-7  # OCCT ignores a gap below this (mm)
-        short = 3e-6  # the widest gap may exceed the gap at OCCT's samples by this fraction; OCCT allows 1e-5
+        short = 3e-6  # largest fraction of the widest gap that OCCT's samples may miss; OCCT allows 1e-5
         wide = np.abs(gaps).max(axis=1)
         sampled = np.abs(gaps[:, ::BETWEEN]).max(axis=1)
         return np.asarray((sampled < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT))
@@ -200,13 +201,13 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    higher = 1.003  # in later rounds, the wanted gap is this factor times the widest gap of the previous round
+    higher = 1.003  # factor from the widest gap of a round to the wanted gap of the next round
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Return linear equations (matrix, right side) for moves of pole heights."""
+    """Return linear equations (matrix, right side) for pole movements that put peaks of gaps at given samples."""
     slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # derivative along a seam, from 5 points in a row
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():

@@ -27,20 +27,20 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from dsfab.export.splines import bernstein
 
-TRIED = 24  # largest number of tried chords across a region; half of these chords begin at the widest gaps
+TRIED = 24  # largest number of chords that are tried across a region; half of them begin at the widest gaps
 POINTS = 8  # number of points of the outline along half an edge
 
 
 @dataclass(frozen=True, eq=False)
 class HalvedOutline:
-    """Outline of a region, with each edge cut into halves. Place i is the start of half edge i.
-    poles : (2 e, 4, 6) consecutive cubics."""
+    """Outline of a region with e edges, each cut into halves. Place i is the start of half number i.
+    poles : (2 e, 4, 6) control points of the halves in order, mm."""
 
     poles: Floats
 
     @classmethod
     def from_loop(cls, model: NetModel, loop: ChainLoop) -> "HalvedOutline":
-        """Return the halved outline of a loop of edges."""
+        """Cut each edge of a loop into halves, and return the outline."""
         step_poles = np.stack([model.poles(step) for step in loop])
         start, end = np.tile([0.0, 0.5], len(loop)), np.tile([0.5, 1.0], len(loop))
         poles = parts_of(np.repeat(step_poles, 2, axis=0), start, end)
@@ -49,17 +49,17 @@ class HalvedOutline:
 
     @cached_property
     def line(self) -> Floats:
-        """Points (2 e POINTS, 6) along the outline."""
+        """Points (k, 6) along the outline, `POINTS` on each half of an edge."""
         return np.asarray(bernstein(np.arange(POINTS) / POINTS) @ self.poles).reshape(-1, 6)
 
     def part(self, a: int, b: int, seam: Floats) -> Floats:
-        """Return the closed line (k, 6) from place a to place b, and back along a seam (c, 4, 6)."""
+        """Return a closed line (k, 6) along the outline from place a to place b, and back along a seam (c, 4, 6)."""
         turned = np.roll(self.line, -a * POINTS, axis=0)[: (b - a) % len(self.poles) * POINTS]
         back = bernstein(1 - np.arange(2 * POINTS) / (2 * POINTS)) @ seam[::-1]
         return np.concatenate([turned, back.reshape(-1, 6)])
 
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
-        """Yield pairs (i, j) of places, i < j, whose chord lies well inside the outline.
+        """Yield pairs (i, j), i < j, of places with a chord well inside the outline. times : factor on their number.
         worst : (k,) places with the widest gaps."""
         least_width = 1 / 20  # smallest width of a part / thickness; OCCT fails on narrower parts
         axes = axes_of(middle_normal(self.line))
@@ -71,7 +71,7 @@ class HalvedOutline:
         long = np.linalg.norm(place_points[j] - place_points[i], axis=1)
         order = np.argsort(long / np.maximum(least, 1e-300), kind="stable")
         narrow = least_width * float(np.linalg.norm(self.line[:, :3] - self.line[:, 3:], axis=1).mean())
-        order = order[least[order] > narrow * long[order]]  # drop chords with a narrow part, or outside the outline
+        order = order[least[order] > narrow * long[order]]  # drop chords that leave the outline or make narrow parts
         is_near = np.isin(i[order], worst) | np.isin(j[order], worst)
         for group in (order[is_near], order[~is_near]):
             clear = (k for k in group.tolist() if _is_clear(place_points[i[k]], place_points[j[k]], line))
@@ -79,7 +79,7 @@ class HalvedOutline:
 
 
 def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
-    clear = 0.3  # least distance from a chord's point to the outline / distance from this point to the chord's end
+    clear = 0.3  # least distance of a point on a chord to the outline / to the nearer end of the chord
     shares = np.linspace(0, 1, 17)[1:-1]
     P, directions = a + shares[:, None] * (b - a), np.roll(line, -1, axis=0) - line
     from_start = P[:, None] - line
@@ -91,14 +91,14 @@ def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
 TRIAL_DEGREE = 6  # degree of the surfaces that are fitted to compare possible seams
 
 TIMES = 3
-"""Largest factor on the number of seams tried in a face. The factor rises if parts of a divided face exceed a limit."""
+"""Largest factor on the number of seams tried in a face. It rises while parts of the divided face exceed a limit."""
 
 OUT, OFF = 1 / 150, 2.0
-"""A face beyond these limits is divided. OUT : distance of poles from `limits.box`, as a fraction of its diagonal.
-OFF : distance of the face from the inner points of its region, as a multiple of `limits.off`."""
+"""Limits beyond which a face is divided. OUT : distance of poles outside of `limits.box` / the box's diagonal.
+OFF : distance of the face from the inner points of its region / `limits.off`."""
 
 CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
-"""CUBIC_COUNTS : tried numbers of cubics in a seam. STRAY_SHARE : largest distance of seams from skins / `limits.off`.
+"""CUBIC_COUNTS : tried numbers of cubics in a seam. STRAY_SHARE : limit of a seam's distance from skins / `limits.off`.
 If the distance from the mesh is limited, a seam is a single cubic: OCCT would fail beside a seam of several cubics."""
 
 
@@ -110,8 +110,8 @@ def divided_faces(
     limits: FaceLimits,
 ) -> list[TrimmedFace]:
     """Divide each face that exceeds its limits, and add the new edges to the model.
-    inside : function of region numbers; returns region -> points (k, 6).
-    away   : function of rows (k, 6) of two points, one near each skin; returns the vectors (k, 6) to the skins."""
+    inside : function of region numbers; returns, by number, points (k, 6) inside the region.
+    away   : function of pairs of points (k, 6), one near each skin; returns the vectors (k, 6) to the skins."""
     bad = [region for region, face in faces.items() if allowance_used(face, limits) > 1 and len(face.loops) == 1]
     if not bad:
         return list(faces.values())
@@ -121,7 +121,7 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest value / limit of a face."""
+    """Return the largest ratio of a face's gap or distances to their limits. Above 1, the face is divided."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
     astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # includes the error of OCCT's triangles
@@ -129,7 +129,7 @@ def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
 
 
 class FaceDivision:
-    """Division of faces of a model by seams. halves : halved edge -> its two new edges."""
+    """Division of a model's faces by seams. halves : number of a halved edge -> numbers of its two halves."""
 
     def __init__(self, model: NetModel, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
         self.model, self.away, self.limits = model, away, limits
@@ -137,7 +137,7 @@ class FaceDivision:
         self.times = 1
 
     def parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face, and return the parts. points : (k, 6) inside the face."""
+        """Divide a face until its parts keep the limits, if possible; return the parts. points : (k, 6) inside."""
         edges, vertices, halves = len(self.model.edges), len(self.model.vertices), dict(self.halves)
         for times in range(1, TIMES + 1 if self.limits.beyond_mesh else 2):
             del self.model.edges[edges:], self.model.vertices[vertices:]
@@ -159,7 +159,7 @@ class FaceDivision:
         return finished
 
     def over_halves(self, loop: ChainLoop) -> ChainLoop:
-        """Return a loop in which two new edges replace each halved edge."""
+        """Replace each halved edge of a loop by its two halves, and return the new loop."""
         steps: ChainLoop = []
         for e, ahead in loop:
             two = self.halves.get(e, ())[:: 1 if ahead else -1]
@@ -167,7 +167,7 @@ class FaceDivision:
         return steps
 
     def two_parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face into two parts that keep the limits better; [] if no seam does so. points : (k, 6) inside."""
+        """Divide a face into two parts that keep the limits better; [] if no seam helps. points : (k, 6) inside."""
         less = 0.9  # `allowance_used` of each part / `allowance_used` of the undivided face must be less than this
         loop, model = self.over_halves(face.loops[0]), self.model  # divisions of other faces may have halved edges
         best_seam: tuple[int, int, Floats] | None = None
@@ -187,7 +187,7 @@ class FaceDivision:
         return self.part_faces(self.seam_loops(loop, *best_seam), points) if best_seam else []
 
     def part_faces(self, loops: Iterable[ChainLoop], points: Floats) -> list[TrimmedFace]:
-        """Fit a face inside each loop; [] if a fit fails. points : (k, 6) of the region."""
+        """Return a face fitted inside each loop of edges; [] if a fit fails. points : (k, 6) inside the region."""
         try:
             two = {i: trimmed_face(self.model, [loop], points, self.limits, True) for i, loop in enumerate(loops)}
         except ExportError:
@@ -195,8 +195,8 @@ class FaceDivision:
         return list(without_strays(self.model, two, dict.fromkeys(two, points), self.away, self.limits).values())
 
     def seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
-        """Return the best seams across a region: ends as places on the outline, and cubics (c, 4, 6)."""
-        full = 3  # at most 3 * `times` seams, with the smallest errors, are returned
+        """Return the best seams across a region: the two places on the outline and the cubics (c, 4, 6) of each."""
+        full = 3  # the 3 * `times` seams with the smallest errors are returned
         many = 2000  # largest number of points in a trial
         at_gap = 4  # half of the tried seams begin at the four places with the widest gaps
         points = points[:: 1 + len(points) // many]
@@ -213,7 +213,7 @@ class FaceDivision:
         return [(pairs[i], seams[i]) for i in np.argsort(errors, kind="stable").tolist()[:limit]]
 
     def chord_cubics(self, chords: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
-        """Return cubics (k, 4, 6) on both skins between the ends (6,) of each chord."""
+        """Return, for each chord with ends (6,), the cubics (k, 4, 6) of a curve on both skins between the ends."""
         checks = 8  # the distance of each cubic from the skins is measured at 8 places
         result, todo, share = [np.zeros((0, 4, 6))] * len(chords), list(range(len(chords))), np.linspace(0, 1, 4)
         for count in CUBIC_COUNTS[:1] if self.limits.beyond_mesh else CUBIC_COUNTS:
@@ -261,7 +261,7 @@ class FaceDivision:
         edges += [NetEdge(edge.start, middle, first_poles), NetEdge(middle, edge.end, second_poles)]
 
     def finish(self, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-        """Remove halved edges; return the faces with the new edge numbers."""
+        """Remove halved edges from the model, and return the faces with new edge numbers."""
         model = self.model
         remaining = [e for e in range(len(model.edges)) if e not in self.halves]
         number = {e: i for i, e in enumerate(remaining)}
@@ -276,7 +276,7 @@ class FaceDivision:
 
 
 def worst_misfit(points: Floats, lines: Iterable[Floats], least: float) -> float:
-    """Return the largest distance (mm) of closed lines (k, 6) from fitted surfaces; inf if it reaches `least`."""
+    """Return the largest distance (mm) of closed lines (k, 6) from fitted surfaces; inf if a value reaches `least`."""
     worst = 0.0
     for line in lines:
         for distances in misfits(points, line, TRIAL_DEGREE):

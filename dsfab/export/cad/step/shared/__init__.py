@@ -1,1 +1,1 @@
-"""Preparation of curved solids: outlines, and both skins with tolerances."""
+"""Preparation of curved solids: the outlines of a sheet, and its two skins with tolerances."""

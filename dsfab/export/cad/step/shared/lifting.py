@@ -1,4 +1,4 @@
-"""Lifting of mesh points to both skins of a sheet, also at creases."""
+"""Mapping of mesh points to both skins of a sheet, also at creases."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -69,9 +69,9 @@ ZERO_WEIGHT = 1e-9  # barycentric weights below this count as zero
 class CreaseSides:
     """Creases of a surface, with a copy of each crease vertex for each side of the crease.
     creases : (k, 2) edges, smaller vertex number first.    corner : (m, 3) index in `vertex` of each face's corners.
-    vertex  : (s,) numbers of all n vertices, then of the copied vertices.
-    normals : (s, 3).    half : (s,) half the thickness.
-    mitre   : (s, 3) vector, m; half * normal + mitre leads to the point where the skins of all sides meet."""
+    vertex  : (s,) numbers of all n vertices, then the number of each copy's original.
+    normals : (s, 3) unit normals.    half : (s,) half the thickness, m.
+    mitre   : (s, 3) m; half * normal + mitre leads from a vertex to the common point of the skins of all sides."""
 
     surface: Surface
     creases: Ints
@@ -83,7 +83,7 @@ class CreaseSides:
 
     @classmethod
     def from_skins(cls, skins: DenseSurface) -> "CreaseSides":
-        """Find the creases of a surface, and copy the crease vertices for each side."""
+        """Find the creases of a surface, and copy each crease vertex for each side of the crease."""
         surface, crease = skins.surface, crease_edges(skins.surface)
         vertex, creases = np.arange(surface.n), surface.edges.ends[crease]
         if not len(creases):
@@ -103,7 +103,7 @@ class CreaseSides:
         return cls(surface, creases, vertex, corner, N, half, mitre)
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
-        """Return weights (k, n) of points as two matrices (k, s)."""
+        """Convert weights (k, n) of vertices to two matrices (k, s) of vertices and copies, for both crease sides."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
@@ -119,7 +119,7 @@ class CreaseSides:
         return first_rows, second_rows
 
     def between_faces(self, weights: csr_array) -> Ints:
-        """Return rows (j,) of weights (k, n) whose vertices include a crease vertex, but share no face."""
+        """Return the rows (j,) of weights (k, n) with a crease vertex, but with no face that contains all vertices."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         faces = self._faces(weights.indices[is_beside].astype(np.int64), row[is_beside], weights.shape[0])
@@ -156,14 +156,15 @@ class CreaseSides:
         return row_faces
 
     def on_creases(self, weights: csr_array) -> Bools:
-        """Return a mask (k,) of the points on creases. weights : (k, n) barycentric."""
+        """Return a mask (k,) that is True for points on creases. weights : (k, n) barycentric weights of the points."""
         low, high = ends_of_rows(weights)
         n, split = self.surface.n, self.vertex[self.surface.n :]
         on_edge = _positions_of(_keys(self.creases, n), low * n + high) >= 0
         return np.asarray((low >= 0) & (on_edge | ((low == high) & np.isin(low, split))))
 
     def lines_on_creases(self, weights: csr_array, start: Ints, end: Ints) -> Bools:
-        """Return a mask (e,) of lines that lie on creases. start, end : (e,) rows in `weights`."""
+        """Return a mask (e,) that is True for lines on creases.
+        start, end : (e,) rows of the end points in `weights`."""
         low, high = ends_of_rows(weights)
         n, is_on_edge = self.surface.n, (low[start] >= 0) & (low[end] >= 0)
         a, b = np.minimum(low[start], low[end]), np.maximum(high[start], high[end])
@@ -172,7 +173,8 @@ class CreaseSides:
 
 
 def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
-    """Return the two vertices (k,), smaller first, of the edge through each point; -1 for points in faces."""
+    """Return the two end vertices (k,) of the edge through each point, smaller number first.
+    The values are -1 for points inside faces."""
     row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
     real = np.abs(weights.data) > ZERO_WEIGHT
     row, vertex = row[real], weights.indices[real].astype(np.int64)
@@ -236,7 +238,7 @@ class Lifting:
         return cls(dense_surface(surface, curved))
 
     def points(self, weights: csr_array) -> Floats:
-        """Return points (k, 6) on the outer and the inner skin, mm, for barycentric weights (k, n)."""
+        """Return points (k, 6) on the outer and inner skin, mm, at mesh points with barycentric weights (k, n)."""
         if not len(self.sides.creases):
             return self._points(weights)
         left_weights, right_weights = self.sides.rows(self._in_faces(weights))
@@ -252,7 +254,7 @@ class Lifting:
         return csr_array(vstack([weights, nearest], format="csr")[row])
 
     def _points(self, weights: csr_array) -> Floats:
-        most_lift = 1 / 5  # largest distance of points from the mesh / thickness; `MOST_CHORD` limits chord errors
+        most_lift = 1 / 5  # largest distance of points from the mesh / thickness; less than `MOST_CHORD`
         V, N = self.skins.points[self.sides.vertex], self.sides.normals
         P, n = np.asarray(weights @ V), np.asarray(weights @ N)
         along = np.einsum("ni,ni->n", V, N)
@@ -268,7 +270,7 @@ class Lifting:
         return np.concatenate([middle + D, middle - D], axis=1)
 
     def vectors_to_skins(self, Q: Floats) -> Floats:
-        """Return perpendicular vectors (k, 6) from points Q (k, 6) to the outer and inner skin."""
+        """Return vectors (k, 6), mm, normal to the sheet, from pairs of points Q (k, 6) to the outer and inner skin."""
         targets = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
         across = targets[:, :3] - targets[:, 3:]
         is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # on a one-sided surface, skins may swap
@@ -294,7 +296,7 @@ class Lifting:
 
     @cached_property
     def sides(self) -> CreaseSides:
-        """Creases of the surface."""
+        """Creases of the surface, with the copies of their vertices."""
         return CreaseSides.from_skins(self.skins)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Plan for the curved solid of a part."""
+"""Data for the curved solid of a part, and its comparison with the mesh."""
 
 from collections.abc import Container
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from dsfab.surface.topology import corners_of
 class MeshDistances(NamedTuple):
     """Distances of points from a mesh or a solid, mm.
     most  : largest distance.    bad : (k, 3) points that are too far away.
-    worst : distance at the worst point.    allowed : distance allowed at this point."""
+    worst : distance of the point that exceeds its limit most.    allowed : limit at this point."""
 
     most: float
     worst: float
@@ -33,7 +33,7 @@ class MeshDistances(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MeshSolids:
-    """Solids in the mesh of a part, millimetres."""
+    """The separate solids in the mesh of a part, millimetres."""
 
     part: Part
 
@@ -67,14 +67,14 @@ class MeshSolids:
         return np.asarray(shell_solid[vertex_shell[self._tree.query(points)[1]]])
 
     def faces(self, selected: Container[int]) -> Ints:
-        """Return the triangles (m, 3) of the solids with the numbers `selected`."""
+        """Return the triangles (m, 3) of the mesh solids with the numbers `selected`."""
         shell, solids = self._shells
         shells = [k for i, solid_shells in enumerate(solids) if i in selected for k in solid_shells]
         return np.asarray(self.part.F[np.isin(shell, shells)])
 
     @property
     def count(self) -> int:
-        """Number of solids."""
+        """Number of solids in the mesh."""
         return len(self._shells[1])
 
 
@@ -99,7 +99,7 @@ class PieceJudge:
 
     @cached_property
     def excess_volumes(self) -> Floats:
-        """(p,) fraction by which each smooth piece may exceed `volumes`."""
+        """(p,) fraction by which the volume of each smooth piece may exceed `volumes`."""
         sheet = self.sheet
         upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # `nearest` is twice as fast for points on a skin
         return np.maximum(self._sum(self.limits.rounder[self.limits.nearest(upper)]) / self.volumes, 0.0)
@@ -110,7 +110,7 @@ class PieceJudge:
         return np.asarray(np.bincount(sheet.piece, volumes, sheet.count), dtype=np.float64)
 
     def distances(self, V: Floats, F: Ints) -> tuple[MeshDistances, MeshDistances]:
-        """Return distances from triangles V (n, 3), F (m, 3) to the mesh, and back from the mesh."""
+        """Return the distances from triangles V (n, 3), F (m, 3) to the mesh, and from the mesh to these triangles."""
         part = self.solids.part
         return self.farthest(V, F, part.V, part.F), self.farthest(part.V, part.F, V, F)
 
@@ -123,7 +123,7 @@ class PieceJudge:
         return away
 
     def farthest(self, V: Floats, F: Ints, V2: Floats, F2: Ints) -> MeshDistances:
-        """Return the distances of the triangles V (n, 3), F (m, 3) from the triangles V2, F2."""
+        """Return the distances of sample points on triangles V (n, 3), F (m, 3) from the triangles V2, F2."""
         points = np.concatenate([V[corners_of(F, np.ones(len(F), dtype=bool), len(V))], V[F].mean(axis=1)])
         away = nearest_places(points, V2, F2).distance
         far_points = points[away > self.limits.distance]  # points within `distance` are allowed everywhere
@@ -135,18 +135,18 @@ class PieceJudge:
 
 
 class SolidPlan:
-    """Data to write a part as a solid with curved faces. Raises ExportError."""
+    """Data for writing a part as a solid with curved faces. Raises ExportError if the data are missing."""
 
     def __init__(self, part: Part) -> None:
         if part.curved is None:
-            raise ExportError("smooth STEP needs the sheet, but only its solid is known")
+            raise ExportError("a smooth STEP file needs the sheet, but the part has only a solid")
         self.curved, self.solids = part.curved(), MeshSolids(part)
         self.surface = Surface(self.curved.V, self.curved.F)
         self.limits = smooth_limits(self.surface, self.curved, part.tolerance)
 
     @cached_property
     def whole(self) -> SheetOutline:
-        """The whole sheet with its outlines."""
+        """The whole sheet as a single chart, with its outlines."""
         return sheet_of(self.curved.divided(np.ones((self.surface.n, 1))), self.curved.shift)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Outlines of a sheet in each of its charts."""
+"""Outlines of a sheet that is divided into charts (parts)."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,14 +13,14 @@ from dsfab.export.part import DividedSheet
 from dsfab.surface.topology import boundary_loops, edge_table, half_edges, pieces
 
 SHARP = np.deg2rad(35.0)  # smallest bend (radians) at a corner of a wall
-WALL = -1  # number of the neighbouring chart where the sheet ends at a wall
+WALL = -1  # number in place of a neighbouring chart, where the sheet ends at a wall
 
 
 @dataclass(frozen=True, eq=False)
 class OutlineRun:
     """Part of the outline of a chart (a part of the sheet).
-    vertices : (k,) with the material on the left.    beyond : chart on the right side, or `WALL`.
-    width    : mean width of the whole loop, mm."""
+    vertices : (k,) vertex numbers, with the material on the left.    beyond : chart on the right, or `WALL`.
+    width    : mean width inside the whole loop, mm."""
 
     vertices: Ints
     beyond: int
@@ -29,7 +29,7 @@ class OutlineRun:
 
 @dataclass(frozen=True, eq=False)
 class ChartRegion:
-    """Connected part of the sheet in one chart. loops : outlines, each a sequence of `OutlineRun`."""
+    """Connected part of the sheet inside a chart. loops : outlines of the region, each a sequence of `OutlineRun`."""
 
     chart: int
     piece: int
@@ -40,7 +40,8 @@ class ChartRegion:
 class SheetOutline:
     """Sheet in millimetres, divided into charts (parts of the sheet).
     V, D    : (n, 3) vertices of the middle surface, and vectors to the upper skin.
-    F       : (m, 3) faces.    chart, piece : (m,) of each face.    charts : (v, 2) pairs of a vertex and a chart."""
+    F       : (m, 3) faces.    chart, piece : (m,) chart and connected component of each face.
+    charts  : (v, 2) pairs of a vertex number and the number of a chart at the vertex."""
 
     V: Floats
     D: Floats
@@ -52,7 +53,7 @@ class SheetOutline:
 
     @property
     def count(self) -> int:
-        """Number of pieces."""
+        """Number of pieces (connected components)."""
         return int(self.piece.max()) + 1
 
 
@@ -65,7 +66,8 @@ class _HalfEdgeCharts:
 
 
 def both_skins(sheet: DividedSheet, shift: int) -> Floats:
-    """(n, 2, 3) points on upper and lower skin, mm. shift : from vertices to the middle, in half-thicknesses."""
+    """Return points (n, 2, 3) on the upper and lower skin, mm.
+    shift : distance from the vertices to the sheet's middle / half the thickness."""
     V, D = _middle(sheet, shift)
     return np.stack([V + D, V - D], axis=1)
 
@@ -76,7 +78,8 @@ def _middle(sheet: DividedSheet, shift: int) -> tuple[Floats, Floats]:
 
 
 def sheet_of(sheet: DividedSheet, shift: int) -> SheetOutline:
-    """Return a sheet with its outlines. shift : from vertices to the middle, in half-thicknesses."""
+    """Return a sheet with its outlines.
+    shift : distance from the vertices to the sheet's middle / half the thickness."""
     V, D, F = *_middle(sheet, shift), sheet.F
     table = edge_table(F)
     _, piece = pieces(F, table)
@@ -139,7 +142,7 @@ def _runs(V: Floats, loop: Ints, special: Bools, beyond: _HalfEdgeCharts, touchi
 
 
 def loop_width(line: Floats, length: float) -> float:
-    """Return twice the area of a closed line (k, 3), divided by its length."""
+    """Return the mean width inside a closed line (k, 3): twice the enclosed area / the line's `length`."""
     P = line - line.mean(axis=0)
     return float(np.linalg.norm(np.cross(P, np.roll(P, -1, axis=0)).sum(axis=0))) / max(length, 1e-300)
 

@@ -17,8 +17,9 @@ from dsfab.surface.topology import on_boundary
 @dataclass(frozen=True, eq=False)
 class DenseSurface:
     """Surface with an upper and a lower skin. Fields in metres, properties in mm.
-    half   : (n,) half the thickness.    shift : distance from surface to the sheet's middle / half.
-    parent : (m,) undivided triangle that contains each triangle.    twins : (k, 2) vertices with opposite normals."""
+    half   : (n,) half the thickness, m.    shift : distance from the surface to the sheet's middle / `half`.
+    parent : (m,) undivided triangle that contains each triangle.
+    twins  : (k, 2) vertex pairs at equal places with opposite normals."""
 
     surface: Surface
     half: Floats
@@ -28,12 +29,12 @@ class DenseSurface:
 
     @cached_property
     def points(self) -> Floats:
-        """(n, 3) points of the surface."""
+        """(n, 3) vertices of the surface, mm."""
         return MM_PER_M * self.surface.V
 
     @cached_property
     def normals(self) -> Floats:
-        """(n, 3) normals of the vertices."""
+        """(n, 3) unit normals at the vertices."""
         V, F = self.surface.V, self.surface.F
         N = np.asarray(igl.per_vertex_normals(V, F, igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE))
         a, b = self.twins.T
@@ -42,12 +43,12 @@ class DenseSurface:
 
     @cached_property
     def half_vectors(self) -> Floats:
-        """(n, 3) vectors from `middle` to the upper skin."""
+        """(n, 3) vectors from `middle` to the upper skin, mm."""
         return np.asarray(MM_PER_M * self.half[:, None] * self.normals)
 
     @cached_property
     def middle(self) -> Floats:
-        """(n, 3) points half way between the skins."""
+        """(n, 3) points half way between the skins, mm."""
         return np.asarray(self.points + self.shift * self.half_vectors)
 
     @cached_property
@@ -57,7 +58,7 @@ class DenseSurface:
 
     @cached_property
     def finer(self) -> "DenseSurface":
-        """The surface after each triangle was divided in four."""
+        """The surface after division of each triangle into four triangles."""
         surface, edges = self.surface, self.surface.edges
         M = np.concatenate([surface.V, cubic_midpoints(surface.V, self.normals, edges.ends)])
         (a, b, c), (ab, bc, ca) = surface.F.T, surface.n + edges.of.T
@@ -66,12 +67,12 @@ class DenseSurface:
         return DenseSurface(divided, self.carry(self.half), self.shift, np.tile(self.parent, 4))
 
     def carry(self, fields: Floats) -> Floats:
-        """Interpolate vertex values (n, ...) to the vertices of `finer`."""
+        """Interpolate values (n, ...) at the vertices to values at the vertices of `finer`."""
         return np.concatenate([fields, end_means(fields, self.surface.edges.ends)])
 
 
 def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
-    """Return a surface with its two skins. curved : gives the half-thickness vectors."""
+    """Return a surface with its two skins. curved : sheet that gives the half-thickness vectors."""
     D = curved.D[surface.F]  # D is longer at creases, so that faces keep their thickness
     seen = np.bincount(surface.F.ravel(), np.einsum("mci,mi->mc", D, surface.normals).ravel(), surface.n)
     half = seen / np.bincount(surface.F.ravel(), minlength=surface.n)
@@ -80,28 +81,28 @@ def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
 
 
 def cubic_midpoints(P: Floats, d: Floats, ends: Ints) -> Floats:
-    """Return the middle (e, 3) of a cubic curve between pairs `ends` (e, 2) of points P (n, 3).
-    d : (n, 3) vectors at the points, perpendicular to the curves."""
+    """Return the middles (e, 3) of cubic curves between the pairs `ends` (e, 2) of points P (n, 3).
+    d : (n, 3) vectors at the points. The curves are perpendicular to these vectors."""
     N, chord = unit_vectors(d), P[ends[:, 1]] - P[ends[:, 0]]
     slopes = [chord - N[e] * np.einsum("ki,ki->k", chord, N[e])[:, None] for e in ends.T]
     return np.asarray(end_means(P, ends) + (slopes[0] - slopes[1]) / 8)
 
 
 def end_means(values: Floats, ends: Ints) -> Floats:
-    """Return the means (k, ...) of the values (n, ...) at the two ends of each edge (k, 2)."""
+    """Return the means (k, ...) of the vertex values (n, ...) at the two ends of each edge (k, 2)."""
     a, b = ends.T
     return np.asarray((values[a] + values[b]) / 2)
 
 
 def chord_errors(skins: DenseSurface) -> Floats:
-    """Return the (m,) distance of each triangle's centre from the smooth surface, metres."""
+    """Return the distance (m,) of each triangle's centre from the smooth surface through the vertices, metres."""
     V, edges = skins.surface.V, skins.surface.edges
     sags = np.linalg.norm(cubic_midpoints(V, skins.normals, edges.ends) - end_means(V, edges.ends), axis=1)
     return np.asarray(4 / 3 * sags[edges.of].max(axis=1))
 
 
 def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
-    """Return the (m,) fraction by which each triangle's smooth solid has more volume than its prism."""
+    """Return the fraction (m,) by which the smooth solid at each triangle has more volume than the prism there."""
     coarse, D = prisms(skins.middle, skins.half_vectors, skins.surface.F), MM_PER_M * curved.D
     fine = skins.finer
     parts = np.bincount(fine.parent, prisms(fine.middle, fine.half_vectors, fine.surface.F), skins.surface.m)
@@ -110,7 +111,7 @@ def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
 
 
 def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
-    """(m,) volumes of prisms between triangles F of points V - D and triangles F of points V + D (n, 3)."""
+    """Return the volumes (m,) of prisms between triangles F (m, 3) of points V - D and of points V + D (n, 3)."""
     a, b, c = F.T
     # mean area vector of the triangles V + s D for s from -1 to 1
     across = cross(V[b] - V[a], V[c] - V[a]) + cross(D[b] - D[a], D[c] - D[a]) / 3
@@ -123,7 +124,7 @@ LOOP_SHARE = 0.03  # largest tolerance of an outline loop, divided by the loop's
 
 
 def decimals(thickness: float) -> int:
-    """Return the number of decimals of coordinates (mm) for a thickness (mm)."""
+    """Return the number of decimals for coordinates in mm of a sheet with the given thickness (mm)."""
     rounding = 3e-5
     return int(np.clip(np.ceil(-np.log10(rounding * thickness)), 2, 6))
 
@@ -133,8 +134,8 @@ MOST_CHORD = 1 / 4  # upper limit of estimated chord errors / thickness; at crea
 
 @dataclass(frozen=True, eq=False)
 class SmoothLimits:
-    """Limits for the distance (mm) and volume of a smooth solid, compared with the mesh.
-    V, F     : (n, 3) and (m, 3) triangles of both skins.    chord : (m,) distances from the smooth surface.
+    """Limits for the distance (mm) and the volume of a smooth solid, compared with the mesh.
+    V, F     : (n, 3) and (m, 3) triangles of both skins.    chord : (m,) their distances from the smooth surface.
     distance : allowed distance from the mesh, in addition to `chord`.
     rounder  : (m,) fraction by which the solid may have more volume than the mesh."""
 
@@ -152,20 +153,20 @@ class SmoothLimits:
 
     @property
     def summary(self) -> str:
-        """Phrase for a message on the limits."""
+        """Phrase about the allowed distance and the chord errors, for messages."""
         coarse = 2  # the largest chord error is unusual if it exceeds twice `usual_chord`
         largest = float(self.chord.max())
         usual_text = f"usually under {self.usual_chord:.2g} mm" if self.usual_chord > 0 else "usually none"
         is_coarse = largest > coarse * self.usual_chord and largest > self.distance
         coarsest_text = f", up to {largest:.2g} mm at coarse triangles" if is_coarse else ""
-        return f"allowed: {self.distance:.2g} mm plus the mesh's own chord error, {usual_text}{coarsest_text}"
+        return f"allowed distance: {self.distance:.2g} mm plus the chord error of the mesh, {usual_text}{coarsest_text}"
 
     def allowed_distances(self, points: Floats) -> Floats:
-        """(k,) allowed distances of points (k, 3) from the mesh, mm."""
+        """Return the allowed distances (k,) of points (k, 3) from the mesh, mm."""
         return np.asarray(self.distance + self.chord[self.nearest(points)])
 
     def nearest(self, points: Floats) -> Ints:
-        """(k,) number of the triangle nearest to each point (k, 3)."""
+        """Return the number (k,) of the triangle nearest to each point (k, 3)."""
         return np.asarray(self._tree.squared_distance(self.V, self.F, points)[1])
 
     @cached_property
@@ -176,7 +177,8 @@ class SmoothLimits:
 
 
 def smooth_limits(surface: Surface, curved: Curved, tolerance: float = 0.0) -> SmoothLimits:
-    """Return limits for the distance of a solid from the mesh. tolerance : of the user, mm; 0 for the default."""
+    """Return the limits for a smooth solid.
+    tolerance : largest distance from the mesh that the user allows, mm; 0 for the default."""
     mesh = dense_surface(surface, curved)
     t = 2 * MM_PER_M * float(np.median(np.linalg.norm(curved.D, axis=1)))
     chord = np.minimum(MM_PER_M * chord_errors(mesh), MOST_CHORD * t)

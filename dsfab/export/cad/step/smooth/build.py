@@ -2,7 +2,7 @@
 
 1. Build all pieces with one division into charts, write a file, and let OCCT check it.
 2. Build refused pieces again, with smaller tolerances of curves.
-3. Divide solids that are still refused into other charts. If no division is left, they become faceted."""
+3. Divide solids that are still refused into other charts. If no division is left, these solids become faceted."""
 
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
@@ -42,7 +42,7 @@ from dsfab.surface.topology import faces_at
 
 @dataclass(frozen=True, eq=False)
 class Acceptance:
-    """Verdict on a smooth piece of a sheet. volume : mm3.    reason : of a refusal; '' if accepted.
+    """Verdict on a smooth piece of a sheet. volume : mm3.    reason : reason for a refusal; '' if accepted.
     bad    : (k, 3) places where smaller tolerances may help.
     there, back : largest distances from piece to mesh, and from mesh to piece, mm."""
 
@@ -59,7 +59,8 @@ _NOWHERE = MeshDistances(0.0, 0.0, 0.0, np.zeros((0, 3)))
 def all_verdicts(
     gate: PieceJudge, pieces: dict[int, SmoothPiece], findings: dict[int, OcctFinding]
 ) -> dict[int, Acceptance]:
-    """Return a verdict on each piece, by number. gate : the sheet and the mesh."""
+    """Return a verdict on each piece, by number.
+    gate : comparison of the sheet with the mesh.    findings : OCCT's findings by piece number."""
     distances = _distances(gate, {k: findings[k] for k in pieces if k in findings and findings[k].tessellates})
     return {
         k: piece_verdict(gate, k, piece, findings.get(k), distances.get(k, (_NOWHERE, _NOWHERE)))
@@ -70,7 +71,7 @@ def all_verdicts(
 def piece_verdict(
     gate: PieceJudge, k: int, piece: SmoothPiece, finding: OcctFinding | None, away: tuple[MeshDistances, MeshDistances]
 ) -> Acceptance:
-    """Return the verdict on piece k. finding : of OCCT; None if OCCT failed.
+    """Return the verdict on piece k. finding : OCCT's finding about the piece; None if OCCT failed.
     away : distances from piece to mesh, and from mesh to piece."""
     if piece.refused or finding is None:
         return Acceptance(piece.refused or "OCCT did not read a smooth piece of the sheet within the time limit")
@@ -82,11 +83,15 @@ def piece_verdict(
     is_kept = abs(finding.volume - mesh_volume) <= (CHANGED_VOLUME + gate.excess_volumes[k]) * mesh_volume
     tests = (
         (sound, "OCCT finds it invalid"),
-        (finding.faces == piece.faces, f"OCCT reads {finding.faces} faces instead of {piece.faces}"),
-        (finding.tessellates, "OCCT makes no triangles of a face"),
-        (gap <= widest, f"a gap of {gap:.3g} mm is wider than {widest:.3g} mm"),
-        (is_near, f"a smooth piece is {worst_way.worst:.2g} mm off the mesh, more than {worst_way.allowed:.2g} mm"),
-        (is_kept, f"the volume of a smooth piece is off by {finding.volume / mesh_volume - 1:.1%}"),
+        (finding.faces == piece.faces, f"OCCT reads {finding.faces} faces in a smooth piece instead of {piece.faces}"),
+        (finding.tessellates, "OCCT cannot divide a face of a smooth piece into triangles"),
+        (gap <= widest, f"a gap between faces is {gap:.3g} mm wide; the limit is {widest:.3g} mm"),
+        (is_near, f"a smooth piece is {worst_way.worst:.2g} mm from the mesh; the limit is {worst_way.allowed:.2g} mm"),
+        (
+            is_kept,
+            f"the volume of a smooth piece differs from the volume of the mesh by "
+            f"{finding.volume / mesh_volume - 1:.1%}",
+        ),
     )
     reason = next((text for passed, text in tests if not passed), "")
     bad = np.concatenate([forth.bad, back.bad])
@@ -116,14 +121,15 @@ def _distances(gate: PieceJudge, findings: dict[int, OcctFinding]) -> dict[int, 
 FIT_SHARE = 1 / 3  # tolerance of skins / allowed distance from the mesh
 
 LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2), (40.0, 24, 3))
-"""For each division into charts: largest angle (degrees) of normals to their mean, fewest charts, random seed."""
+"""Divisions into charts: largest angle (degrees) of normals to their mean, fewest charts, random seed."""
 
-MOST_WALLS = 1500  # largest number unless the user asks for a smooth file; more walls take over half a minute
+MOST_WALLS = 1500  # largest number of walls, unless the user asks for a smooth file; more walls take over half a minute
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothSolid:
-    """Pieces of a sheet divided into charts. gate : sheet and mesh.    asked : numbers of the pieces to build."""
+    """Smooth pieces of a sheet that is divided into charts.
+    gate : comparison of the sheet with the mesh.    asked : numbers of the pieces to build."""
 
     gate: PieceJudge
     builder: PieceBuilder
@@ -141,8 +147,8 @@ class SmoothPlan(SolidPlan):
         limit = MOST_WALLS * part.hurry
         if part.hurry and (count := sum(run.beyond == WALL for loop in self._loops for run in loop)) > limit:
             raise ExportError(
-                f"its smooth solid would have {count} walls; for more than {limit} walls, dsfab writes a smooth file "
-                "only on request: write step = 'smooth'"
+                f"the smooth solid would have {count} walls; for more than {limit} walls, dsfab writes a smooth file "
+                f"only on request: write step = 'smooth'"
             )
 
     @property
@@ -150,10 +156,10 @@ class SmoothPlan(SolidPlan):
         return [loop for region in self.whole.regions for loop in region.loops]
 
     def layouts(self) -> Iterator[Floats]:
-        """Yield fields (n, c) for divisions into charts: chart k is where field k is largest.
+        """Yield the divisions into charts as fields (n, c). Chart k is the part where field k is largest.
         Raises ExportError for a one-sided surface."""
         if len(self.curved.twins):
-            raise ExportError("the surface has one side only, so it has no two skins")
+            raise ExportError("the surface is one-sided, so the solid does not have two separate outer surfaces")
         outlines = 40  # largest mean number of outlines per chart; OCCT's time grows with the number's square
         settings = LAYOUTS if self.surface.edges.boundary.any() else LAYOUTS[1:]
         seen = set[bytes]()
@@ -166,7 +172,7 @@ class SmoothPlan(SolidPlan):
             seen.add(chart)
 
     def build(self, fields: Floats, finished: Collection[int] = ()) -> SmoothSolid:
-        """Build the pieces of all solids except the numbers `finished`. fields : (n, c), one for each chart.
+        """Build the pieces of all solids without the numbers `finished`. fields : (n, c), a column for each chart.
         Raises ExportError if the part has only one solid and a chart fails."""
         atlas = ChartAtlas(self.surface, self.curved, fields, FIT_SHARE * self.limits.distance)
         needed = set[int]()
@@ -195,7 +201,7 @@ class SmoothPlan(SolidPlan):
         return SmoothSolid(gate, builder, model, requested)
 
     def unfinished_vertices(self, finished: Collection[int]) -> Ints:
-        """Return the surface vertices (k,) near solids that are not `finished`."""
+        """Return the surface vertices (k,) near solids with numbers that are not in `finished`."""
         is_unfinished = np.isin(self.whole.piece, _unfinished_pieces(self.gate, finished))
         points = self.whole.V[np.unique(self.whole.F[is_unfinished])]
         marks = np.zeros(self.surface.n, dtype=bool)
@@ -296,7 +302,7 @@ class _SmoothSearch:
         self.last = [(model, k) for k in which]
         self.text = file_text(self.part, self.last)
         require_budget(self.part, count, len(self.text))
-        seconds = 120 + 0.1 * count  # limit: many times the usual processor time, as a check may never end
+        seconds = 120 + 0.1 * count  # time limit (many times the usual time), because a check may never end
         results = findings(program, self.text, DEFLECTION * self.plan.limits.distance, seconds) if which else []
         return dict(zip(which, results, strict=True)) if len(results) == len(which) else {}
 
@@ -319,7 +325,8 @@ class _SmoothSearch:
 
 
 def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floats) -> bool:
-    """Lower the tolerances of piece k's curves near `bad` points (b, 3), mm; return True if any changes."""
+    """Use smaller tolerances for piece k's curves near `bad` points (b, 3), mm. Return True if a tolerance changes.
+    level : number of failed checks, by key of an outline part."""
     piece = model.pieces[k]
     x = np.linspace(0, 1, 9)
     tree = cKDTree(np.concatenate([curve(x) for edge in piece.edges for curve in (edge.upper, edge.lower)]))
@@ -331,7 +338,7 @@ def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floa
 
 
 def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) -> None:
-    """Rebuild piece k with smaller tolerances."""
+    """Rebuild piece k with smaller tolerances of curves, until the piece passes simple checks of distances."""
     model, corners = built.model, _corners(built.gate.sheet, k)
     for _ in range(CLOSEST):
         piece = model.pieces[k]
@@ -343,9 +350,9 @@ def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) ->
 
 
 def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
-    """Return the corners (k, 3) that are too far from the piece's edges.
-    corners : (n, 3) mesh corners at walls."""
-    chord_count, nearest_count = 64, 4  # chords of each edge; nearest chords of a corner, whose distances are computed
+    """Return the mesh corners (k, 3) that are too far from the piece's edges.
+    corners : (n, 3) all mesh corners at walls."""
+    chord_count, nearest_count = 64, 4  # number of chords per edge, and of nearest chords to compare with a corner
     x = np.linspace(0, 1, chord_count + 1)
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])
     start, end = lines[:, :-1].reshape(-1, 3), lines[:, 1:].reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""Division of a surface into charts that project onto a plane without folds."""
+"""Division of a surface into charts (parts) that project onto a plane without folds."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
-CONE_SLACK = np.deg2rad(12.0)  # added to the angle `cone`, because straighter borders move faces into other charts
+CONE_SLACK = np.deg2rad(12.0)  # added to the angle `cone`, because faces change charts when borders become straighter
 REACH = 0.25  # diffusion length of the fields that define charts, as a fraction of the radius of small charts
 
 SYMMETRIC: dict[str, Any] = {
@@ -22,13 +22,13 @@ SYMMETRIC: dict[str, Any] = {
     "options": {"SymmetricMode": True},
     "diag_pivot_thresh": 0.0,
 }
-"""SuperLU options for symmetric matrices; the factors then have fewer entries."""
+"""Options of SuperLU for symmetric matrices. With these options, the factors have fewer entries."""
 
-SWEEPS = 4  # number of diffusions; before each repetition, a vertex's largest field becomes 1, its other fields 0
+SWEEPS = 4  # number of diffusions; between them, each vertex's largest field becomes 1 and its other fields 0
 
 
 def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
-    """Return fields (n, c) that divide a surface into charts: field k is largest in chart k.
+    """Divide a surface into c charts; return fields (n, c) on the vertices. Field k is largest in chart k.
     cone   : largest angle (radians) between the normals of a cluster of faces and the mean normal.
     fewest : smallest number of charts.    start : seed of random numbers."""
     label = _clusters(surface, cone, fewest, start)
@@ -38,7 +38,7 @@ def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0)
 
 
 def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
-    """Return the cluster (m,) of each face."""
+    """Return the number (m,) of the cluster of faces that contains each face. Parameters as in `chart_fields`."""
     rounds = 30  # largest number of rounds that add clusters of faces
     graph = _dual(surface)
     count, piece = connected_components(graph, directed=False)
@@ -81,8 +81,7 @@ def _nearest_seeds(graph: csr_array, seeds: list[int]) -> tuple[Ints, Floats]:
 
 
 def middle_faces(surface: Surface, label: Ints) -> list[int]:
-    """Return the face nearest to the middle of each cluster.
-    label : (m,) cluster of each face."""
+    """Return the face nearest to the middle of each cluster of faces. label : (m,) cluster of each face."""
     area = np.bincount(label, surface.areas)
     middle = np.stack([np.bincount(label, surface.areas * c) for c in surface.centroids.T], axis=1) / area[:, None]
     away = np.linalg.norm(surface.centroids - middle[label], axis=1)
@@ -101,8 +100,8 @@ def _cosines(surface: Surface, label: Ints) -> Floats:
 
 
 def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
-    """Return fields (n, c) of charts with straight borders.
-    least : smallest cosine between the normals of a face and of the chart."""
+    """Return fields (n, c) of charts with straight borders, starting from clusters of faces `label` (m,).
+    least : smallest cosine of the angle between a face's normal and the mean normal of its chart."""
     f, g = (surface.edges.pairs // 3).T
     for turn in range(5):
         fields = diffused_fields(surface, label, 1.0 if turn == 0 else 0.7)
@@ -119,7 +118,7 @@ def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
 
 
 def diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
-    """Return fields (n, c): field k spreads from cluster k of faces by diffusion.
+    """Return fields (n, c) on the vertices. Field k spreads from cluster k of faces by diffusion.
     label : (m,) cluster of each face.    share : factor of the diffusion length."""
     count = int(label.max()) + 1
     stiffness = -igl.cotmatrix(surface.V, surface.F)
@@ -135,7 +134,7 @@ def diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
         for _ in range(SWEEPS - 1):
             chosen = np.zeros_like(load)
             chosen[np.arange(surface.n), fields.argmax(axis=1)] = mass
-            moved = (chosen != load).any(axis=0)  # only these fields must be solved again
+            moved = (chosen != load).any(axis=0)  # fields whose load has changed are solved again
             fields[:, moved] = step.solve(chosen[:, moved])
             load = chosen
     return fields

@@ -1,4 +1,4 @@
-"""Spline surfaces of both skins over each chart (part of the sheet)."""
+"""Spline surfaces for both skins of each chart (part of the sheet)."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -31,12 +31,12 @@ class SplinePatch:
         lock(self, "poles", np.float64, (None, None, None))
 
     def __call__(self, uv: Floats) -> Floats:
-        """(k, d) points at uv (k, 2)."""
+        """Return the surface points (k, d) at parameters uv (k, 2)."""
         (i, a), (j, b) = basis(uv[:, 0], self.u), basis(uv[:, 1], self.v)
         return self._along_v(b, self._across_u(a, self._local_poles(i, j)))
 
     def slopes(self, uv: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the points at uv (k, 2), and the derivatives by u and by v."""
+        """Return the surface points (k, d) at parameters uv (k, 2), and their derivatives by u and by v."""
         (i, a, da), (j, b, db) = hats(uv[:, 0], self.u), hats(uv[:, 1], self.v)
         local_poles = self._local_poles(i, j)
         across_u, du = self._across_u(a, local_poles), self._across_u(da, local_poles)
@@ -61,7 +61,7 @@ class SplinePatch:
         return SplinePatch(self.u, self.v, self.poles[:, :, begin:end])
 
     def nearest(self, points: Floats, uv: Floats, rounds: int = 8) -> Floats:
-        """Return the parameters (k, 2) of the nearest surface points. uv : (k, 2) first guesses."""
+        """Return the parameters (k, 2) of the surface points nearest to `points` (k, d). uv : (k, 2) first guesses."""
         step_limit = 1e-8  # a smaller step / surface size ends the search
         low, high = np.array([self.u[0], self.v[0]]), np.array([self.u[-1], self.v[-1]])
         uv, going = np.clip(uv, low, high), np.arange(len(uv))
@@ -81,14 +81,14 @@ class SplinePatch:
 SMOOTHING = 1e-5  # weight of second differences of the poles in the fit; distances from points have weights up to 1
 FEWEST_POLES, MOST_POLES = 6, 48  # smallest and largest number of poles of a fit in one direction
 FEW_POLES = 24  # largest number of poles in one direction before a chart is divided; OCCT is slow with more
-FIRST_POLES = 8.0  # poles of the first attempt: geometric mean of the numbers along u and along v
+FIRST_POLES = 8.0  # number of poles of the first attempt: the geometric mean of the numbers along u and v
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceFit:
     """Surface that was fitted to points.
-    off     : largest distance from the points `inside`, mm.
-    size    : mean of the wanted numbers of poles in both directions.
+    off     : largest distance (mm) from the points to which the tolerance applies.
+    size    : geometric mean of the wanted numbers of poles in both directions.
     starved : True if the number of points limited the number of poles."""
 
     patch: SplinePatch
@@ -106,10 +106,11 @@ def fitted_surface(
     first_poles: float = FIRST_POLES,
     most_poles: int = MOST_POLES,
 ) -> SurfaceFit:
-    """Fit a surface with few poles to both skins.
+    """Fit a surface with few poles to points on both skins.
     uv, Q       : (k, 2) points in a plane, and (k, 6) points on upper and lower skin, mm.
     inside      : (k,) True for points to which the tolerance (mm) applies.    weight : (k,) weights in the fit.
-    first_poles : poles at the start, geometric mean of both directions.    most_poles : most poles in a direction."""
+    first_poles : number of poles at the start, geometric mean of both directions.
+    most_poles  : largest number of poles in a direction."""
     points_per_pole = 2.5  # with fewer points, surfaces have waves between the points and gaps at seams
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
@@ -128,7 +129,7 @@ def fitted_surface(
 def patch_through(
     uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float
 ) -> tuple[SplinePatch, Floats]:
-    """Fit a bicubic surface of p x q poles to points Q (k, d) at uv (k, 2).
+    """Fit a bicubic surface with `count` = (p, q) poles to points Q (k, d) at parameters uv (k, 2).
     Return the surface and its points at uv. smoothing : weight of second differences of the poles."""
     low, high = uv.min(axis=0), uv.max(axis=0)
     pad = 0.01 * (high - low)
@@ -147,7 +148,7 @@ def patch_through(
 
 @dataclass(frozen=True, eq=False)
 class _Cells:
-    """Points sorted by cell of the knot grid."""
+    """Sample points, sorted by the cell of the knot grid that contains them, with the B-spline basis there."""
 
     order: Ints
     start: Ints
@@ -167,7 +168,7 @@ class _Cells:
         return (slice(a, b) for a, b in pairwise([*self.start.tolist(), len(self.order)]))
 
     def normal(self, weight: Floats, Q: Floats, p: int, q: int) -> tuple[Floats, Floats]:
-        """Return normal equations for p x q poles: lower band (3 q + 4, p q), right side (p q, d)."""
+        """Return the normal equations for p x q poles: lower band (3 q + 4, p q) of the matrix, right side (p q, d)."""
         weighted = (weight[self.order, None] * self.hats).T
         hats_and_points = np.concatenate([self.hats, Q[self.order]], axis=1)
         sums = np.stack([weighted[:, part] @ hats_and_points[part] for part in self.parts])
@@ -178,7 +179,7 @@ class _Cells:
         return band.reshape(3 * q + 4, p * q), np.stack(right, axis=1)
 
     def sums(self, poles: Floats) -> Floats:
-        """Return the surface points (k, d) for poles (p q, d)."""
+        """Return the surface points (k, d) at the samples for poles (p q, d)."""
         points = np.empty((len(self.order), poles.shape[1]))
         for part, cell_poles in zip(self.parts, self.poles, strict=True):
             points[self.order[part]] = self.hats[part] @ poles[cell_poles]
@@ -209,16 +210,16 @@ OUTSIDE, BOUNDARY = 0.2, 0.5
 Boundary points have inexact normals. The tolerance does not apply to points outside a chart or on the boundary."""
 
 FOLDED = 0.01
-"""Largest fraction of a chart's faces that face away from its axis. Division of coarse meshes turns some faces over."""
+"""Largest fraction of a chart's faces that face away from its axis. Division of coarse meshes flips a few faces."""
 
 
 @dataclass(frozen=True, eq=False)
 class SkinPoints:
     """Points to which the spline surfaces of a chart are fitted, millimetres.
-    origin, axes : plane of the chart.    steepest : cosine of the angle between this plane and the steepest faces.
+    origin, axes : plane of the chart.    steepest : cosine of the angle between the plane and its steepest faces.
     uv, Q  : (k, 2) points in the plane, and (k, 6) points on both skins.
     inside : (k,) True for points to which the tolerance applies.    weight : (k,) weight in the fit.
-    chord  : chord error of the mesh, 90th percentile."""
+    chord  : 90th percentile of the mesh's chord errors."""
 
     origin: Floats
     axes: Floats
@@ -238,7 +239,7 @@ def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPo
     F = F.reshape(-1, 3)
     touched = faces_at(F, in_chart[used])
     if not touched.any():
-        raise ExportError("a chart of the sheet is smaller than a face")
+        raise ExportError("a chart (a part of the sheet for one spline surface) is smaller than a triangle of the mesh")
     core = corners_of(F, touched, len(used))
     around = faces_at(F, corners_of(F, faces_at(F, core), len(used)))
     V, normals = dense.points[used], dense.surface.normals[faces]
@@ -263,7 +264,7 @@ def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPo
 
 
 def mean_half_vectors(d: Floats, ends: Ints) -> Floats:
-    """Return (e, 3) means of vectors (n, 3) at the ends (e, 2) of edges, scaled to the mean length."""
+    """Return means (e, 3) of the vectors d (n, 3) at the two ends (e, 2) of edges, scaled to the mean length."""
     middle, length = end_means(d, ends), end_means(np.linalg.norm(d, axis=1), ends)
     return np.asarray(middle * (length / np.maximum(np.linalg.norm(middle, axis=1), 1e-300))[:, None])
 
@@ -288,7 +289,7 @@ STEEPEST = np.cos(np.deg2rad(80.0))  # smallest cosine between normals and axis 
 class SkinChart:
     """Plane of a chart (part of the sheet), and both skins as surfaces over the plane, millimetres.
     origin, axes : (3,) point of the plane, and (3, 3) axes: two axes in the plane, and its normal.
-    upper, lower, middle : surfaces of both skins, and the surface half way between them.
+    upper, lower, middle : surfaces of the two skins, and the surface half way between the skins.
     steepest     : smallest cosine of the angle between face and plane, without the steepest 1 % of the faces.
     off          : largest distance of the skins from the inner points to which they were fitted."""
 
@@ -303,18 +304,18 @@ class SkinChart:
 
     @cached_property
     def skins(self) -> SplinePatch:
-        """Both skins as one surface: three coordinates of the upper skin, then three of the lower."""
+        """Both skins as a surface in six dimensions: three coordinates of the upper, then three of the lower skin."""
         return SplinePatch(self.upper.u, self.upper.v, np.concatenate([self.upper.poles, self.lower.poles], axis=2))
 
     def projected(self, points: Floats) -> Floats:
-        """(k, 2) projections of points (k, 3) onto the plane."""
+        """Return the projections (k, 2) of points (k, 3) onto the plane."""
         return np.asarray((points - self.origin) @ self.axes[:2].T)
 
 
 class ChartAtlas:
     """Charts (parts) of a surface, with spline surfaces that are fitted on demand.
-    fields : (n, c) on the vertices; chart k is where field k is largest.
-    charts, failed : fitted charts, and reasons for missing charts, by number."""
+    fields : (n, c) values on the vertices. Chart k is the part where field k is largest.
+    charts, failed : fitted charts, and reasons for failed fits, by chart number."""
 
     def __init__(self, surface: Surface, curved: Curved, fields: Floats, tolerance: float) -> None:
         self.surface, self.fields, self.tolerance = surface, fields, tolerance
@@ -325,8 +326,8 @@ class ChartAtlas:
     def make(
         self, numbers: Iterable[int], halve: bool = True, hopeless: Callable[[int], bool] = lambda _: False
     ) -> None:
-        """Fit the charts `numbers`. If `halve` is True, charts may be divided.
-        hopeless : function of a failed chart's number; returns True to stop."""
+        """Fit spline surfaces to the charts with the given numbers.    halve : True if charts may be divided.
+        hopeless : function of a failed chart's number. It returns True to stop."""
         useless = 3  # a chart fails only above 3 times the tolerance, because OCCT checks all pieces later
         fewest = 12  # a chart with fewer vertices is not divided
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
@@ -347,8 +348,8 @@ class ChartAtlas:
                     continue
                 if chart.off > useless * chart.tolerance:
                     raise ExportError(
-                        f"no spline surface follows chart {k + 1} of {self.fields.shape[1]} (part of the sheet) "
-                        f"within {chart.tolerance:.2g} mm; the fitted surface is {chart.off:.2g} mm off"
+                        f"no spline surface fits part {k + 1} of {self.fields.shape[1]} of the sheet within "
+                        f"{chart.tolerance:.2g} mm; the fitted surface is {chart.off:.2g} mm from the sheet"
                     )
                 self.charts[k] = chart
             except ExportError as error:
@@ -357,7 +358,7 @@ class ChartAtlas:
                     return
 
     def _lean_field(self, k: int) -> Floats | None:
-        """Return a field (n,) along which to halve chart k, or None."""
+        """Return a field (n,) for halving chart k if the chart is too steep; None for a flatter chart."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N
@@ -387,9 +388,9 @@ class ChartAtlas:
 
     def chart(self, k: int, first_poles: float, most_poles: int) -> SkinChart:
         """Return chart k with fitted spline surfaces.
-        first_poles, most_poles : number of poles in each direction, at the start and at most."""
+        first_poles, most_poles : first and largest number of poles in each direction."""
         of_chord = 0.3  # the tolerance includes this fraction of the mesh's chord error
-        most_divisions = 2  # largest number of divisions of a coarse mesh
+        most_divisions = 2  # a coarse mesh is refined at most twice
         F = self.surface.F
         near_faces = faces_at(F, self._best[0] == k)
         for _ in range(2):

@@ -17,11 +17,11 @@ from dsfab.export.splines import Fitted, Spline, even_samples, segment_spline, s
 @dataclass(eq=False)
 class OutlineNodes:
     """Outline vertices in the planes of their charts.
-    uv     : by chart, (n, 2) positions in its plane; nan for vertices outside of the chart.
-    steep  : by chart, (n,) largest ratio of a length on the surface to its length in the plane.
-    around : by vertex, its charts.
-    at     : by vertex, (2, 3) points on both skins.
-    gap    : by vertex, largest distance of the points `at` from the skins."""
+    uv     : by chart, positions (n, 2) in its plane, mm; nan for vertices outside of the chart.
+    steep  : by chart, largest ratio (n,) of a length on the surface to its length in the plane.
+    around : by vertex, numbers of the charts at the vertex.
+    at     : by vertex, points (2, 3) on both skins, mm.
+    gap    : by vertex, largest distance of the points `at` from the skins, mm."""
 
     charts: dict[int, SkinChart]
     uv: dict[int, Floats]
@@ -31,7 +31,7 @@ class OutlineNodes:
     gap: dict[int, float]
 
     def add(self, vertices: Ints) -> None:
-        """Add points on both skins at vertices (k,)."""
+        """Compute the points on both skins at the vertices (k,), and add them to `at`."""
         missing = [v for v in vertices.tolist() if v not in self.at]
         by_chart_number, positions = dict[int, list[int]](), dict[int, list[Floats]]({v: [] for v in missing})
         for v in missing:
@@ -47,7 +47,7 @@ class OutlineNodes:
 
 
 def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> OutlineNodes:
-    """Return the outline vertices of a sheet, with their places in the charts."""
+    """Return the outline vertices of a sheet, with their positions in the planes of the charts."""
     uv, steep = {}, {}
     for k in {region.chart for region in sheet.regions}:
         runs = [run.vertices for region in sheet.regions if region.chart == k for loop in region.loops for run in loop]
@@ -71,7 +71,7 @@ LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors of a curve's tolerance after 0, 1 an
 class SmoothEdge:
     """Curves along a part of an outline.
     start, end   : vertices of the sheet.    wall : True at a wall; False where two charts meet.
-    upper, lower : cubics with equal knots, or lines.    flat : by chart, curve in its plane.
+    upper, lower : cubic splines with equal knots, or lines.    flat : by chart, the curve in its plane.
     gap          : largest distance of `upper` and `lower` from the curves `flat`, mm."""
 
     start: int
@@ -84,14 +84,15 @@ class SmoothEdge:
 
     @cached_property
     def spans(self) -> int:
-        """Smallest factor 2^k that makes all knots whole numbers."""
+        """Smallest factor 2^k by which all knots become whole numbers."""
         knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])
         return next(1 << k for k in range(30) if not np.any((1 << k) * knots % 1))
 
 
 @dataclass(frozen=True)
 class EdgeTolerances:
-    """Lengths (mm) that set tolerances: thickness of the sheet, allowed distance from the mesh, mesh's chord error."""
+    """Tolerances of edge curves. All fields are lengths (mm).
+    distance : allowed distance from the mesh.    chord : chord error of the mesh."""
 
     thickness: float
     distance: float
@@ -111,7 +112,7 @@ class EdgeTolerances:
 
 
 class RunRequest(NamedTuple):
-    """Request for curves along a part of an outline. level : number of failed checks."""
+    """Request for curves along a part of a chart's outline. level : number of failed checks of the part."""
 
     run: OutlineRun
     chart: int
@@ -119,7 +120,7 @@ class RunRequest(NamedTuple):
 
 
 class RunPart(NamedTuple):
-    """Part of a chart's outline, and its curve in the plane of the chart."""
+    """Part of a chart's outline, and the fitted curve `flat` in the plane of the chart."""
 
     asked: RunRequest
     flat: Spline
@@ -139,7 +140,7 @@ def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTol
 
 
 def skin_curves(parts: list[RunPart], nodes: OutlineNodes, tolerances: list[float]) -> list[Fitted]:
-    """Fit curves on both skins along plane curves; return each curve with its largest error, mm."""
+    """Fit curves on both skins above the plane curves of `parts`; return each curve with its largest error, mm."""
     results, todo = dict[int, Fitted](), list(range(len(parts)))
     for finer in (1, 4, 16):  # each round takes more samples, until the curve is close enough
         x = [parameters(parts[i].flat, finer) for i in todo]
@@ -152,7 +153,7 @@ def skin_curves(parts: list[RunPart], nodes: OutlineNodes, tolerances: list[floa
 
 
 def flat_parts(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTolerances) -> list[list[RunPart]]:
-    """Return, for each request, plane curves along parts of the outline."""
+    """Return, for each request, fitted curves in the chart's plane along parts of the outline."""
     lines = [nodes.uv[request.chart][request.run.vertices] for request in requests]
     results = {i: [RunPart(requests[i], segment_spline(*line))] for i, line in enumerate(lines) if len(line) == 2}
     curved_numbers = [i for i in range(len(requests)) if i not in results]
@@ -181,7 +182,7 @@ def _halves(request: RunRequest, line: Floats, worst: float) -> list[RunRequest]
 
 
 def by_chart(charts: list[int], rows: list[Floats], function: Callable[[int, Floats], Floats]) -> list[Floats]:
-    """Return function(chart, rows) for each array (k, d) in `rows` and its chart."""
+    """Return `function(chart, array)` for each array (k, d) in `rows` and its chart, with a single call per chart."""
     results = dict[int, Floats]()
     for k in dict.fromkeys(charts):
         members = [i for i, chart in enumerate(charts) if chart == k]
@@ -191,7 +192,7 @@ def by_chart(charts: list[int], rows: list[Floats], function: Callable[[int, Flo
 
 
 def parameters(curve: Spline, finer: int = 1) -> Floats:
-    """Return parameters (k,) of samples along a curve. finer : factor on the number of samples."""
+    """Return the parameters (k,) of samples along a curve. finer : factor on the number of samples."""
     return _parameters(curve.knots.tobytes(), finer)
 
 
@@ -206,8 +207,8 @@ def _parameters(knots: bytes, finer: int) -> Floats:
 def edge_on_nodes(
     run: OutlineRun, space: Spline, flat: dict[int, Spline], distance: float, nodes: OutlineNodes, wall: bool
 ) -> SmoothEdge:
-    """Return the edge along a part of an outline. space : curve on both skins.
-    flat : by chart, curve in its plane.    distance : largest error of `space`, mm."""
+    """Return the edge along a part of an outline, with its ends moved to the points in `nodes`.
+    space : curve on both skins.    flat : by chart, the curve in its plane.    distance : error of `space`, mm."""
     start, end = int(run.vertices[0]), int(run.vertices[-1])
     poles = space.poles.copy()
     node_points = np.concatenate([nodes.at[start].reshape(1, 6), nodes.at[end].reshape(1, 6)])
@@ -268,7 +269,8 @@ def _in_space(lines: list[Floats], shares: list[float]) -> list[Spline]:
 
 
 def run_key(run: OutlineRun) -> tuple[RunKey, bool]:
-    """Return a key for a part of an outline, equal for both directions; and True if `run` has the key's direction."""
+    """Return a key for a part of an outline, and True if `run` has the direction of the key.
+    The key is the same for both directions of the part."""
     v: Ints = run.vertices
     ahead = (int(v[0]), int(v[1]), int(v[-1]), int(v[-2]))
     back = (ahead[2], ahead[3], ahead[0], ahead[1])

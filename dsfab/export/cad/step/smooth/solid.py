@@ -44,7 +44,8 @@ from dsfab.export.splines import Spline, segment_spline
 
 @dataclass(frozen=True)
 class SmoothSkin:
-    """Upper and lower face over a region. loops : outlines of pairs (edge number, True if forwards), outer first."""
+    """Upper and lower face of a region. loops : outlines, the outer loop first.
+    Each step of a loop is a pair (edge number, True if the edge runs forwards)."""
 
     chart: int
     loops: tuple[tuple[tuple[int, bool], ...], ...]
@@ -64,18 +65,18 @@ class SmoothPiece:
 
     @property
     def faces(self) -> int:
-        """Number of faces of the piece, walls and skins."""
+        """Number of faces of the piece: walls, and faces on both skins."""
         return sum(edge.wall for edge in self.edges) + 2 * len(self.skins)
 
     @property
     def ends(self) -> Floats:
-        """(k, 3) start point of each edge on the upper skin."""
+        """(k, 3) start point of each edge on the upper skin, mm."""
         return np.array([edge.upper.poles[0] for edge in self.edges])
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothModel:
-    """Pieces of the sheet, with spline surfaces, and the thickness in mm."""
+    """Pieces of the sheet and the spline surfaces of its charts. thickness : thickness of the sheet, mm."""
 
     charts: dict[int, SkinChart]
     nodes: OutlineNodes
@@ -93,8 +94,8 @@ class PieceBuilder:
         self._make(sheet.regions, {})
 
     def piece(self, number: int, level: dict[RunKey, int], traced: bool = False) -> SmoothPiece:
-        """Build the piece with this number. traced : True to also write the curves of edges.
-        level : number of failed checks by key of an outline part."""
+        """Build the piece with this number. traced : True to write also the curves of edges in surface parameters.
+        level  : number of failed checks, by key of an outline part."""
         result, seams = SmoothPiece(traced=traced), dict[RunKey, int]()
         regions = [region for region in self.sheet.regions if region.piece == number]
         self._make(regions, level)
@@ -151,7 +152,7 @@ ROUNDED = 1e-9  # a point counts as on a chord if its distance is below this fra
 
 
 def crossings(piece: SmoothPiece) -> Floats:
-    """(k, 3) places on the upper skin where curves of a region's outline cross."""
+    """Return the points (k, 3) on the upper skin where curves of a region's outline cross, mm."""
     return np.concatenate([np.zeros((0, 3)), *(_in_skin(piece, skin) for skin in piece.skins)])
 
 
@@ -168,7 +169,7 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
-    """Return numbers of edge ends at sharp corners where two edges cross."""
+    """Return the numbers of edge ends at sharp corners where two edges cross: 2 * edge, plus 1 for its end."""
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
     number = np.split(np.arange(len(forwards)), np.cumsum([len(loop) for loop in skin.loops])[:-1])
@@ -186,7 +187,7 @@ def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
 
 
 def crossing_chords(start: Floats, end: Floats) -> Ints:
-    """Return pairs (p, 2) of chords that cross. start, end : (k, 2) ends of the chords."""
+    """Return the pairs (p, 2) of chords that cross. start, end : (k, 2) end points of the chords."""
     middle, long = (start + end) / 2, np.linalg.norm(end - start, axis=1)
     reach = long.max()
     chord_a, chord_b = cKDTree(middle).query_pairs(reach, output_type="ndarray").T
@@ -219,7 +220,7 @@ class SmoothText:
         self._skins: dict[tuple[int, bool], int] = {}
 
     def piece(self, piece: SmoothPiece) -> list[int]:
-        """Add the faces of a piece and return their numbers."""
+        """Add the faces of a piece to the file, and return their entity numbers."""
         entity_list = self.new
         node_points = {v: self.model.nodes.at[v] for edge in piece.edges for v in (edge.start, edge.end)}
         vertices = {v: [entity_list.vertex(p) for p in self._points(pair)] for v, pair in node_points.items()}
@@ -314,9 +315,9 @@ def _knot_text_of_bytes(knots: bytes) -> KnotText:
 class SmoothPieceFile:
     """Text of a file and its measured properties.
     pieces, smooth : number of pieces of the sheet, and of pieces with smooth faces.
-    gap         : widest gap of smooth pieces, mm.    volume : volume of all smooth solids, mm3.
+    gap         : widest gap between faces and edges of smooth pieces, mm.    volume : total volume, mm3.
     there, back : largest distance of the file from the mesh, and of the mesh from the file, mm.
-    refused     : reason why pieces were refused, or ''."""
+    refused     : reason why pieces were refused, or ""."""
 
     text: str
     pieces: int
@@ -335,14 +336,15 @@ class SmoothPieceFile:
         count_text = "" if self.smooth == self.pieces else f"{self.smooth} of {self.pieces} pieces (others faceted), "
         why = f" ({self.refused})" if self.refused else ""
         return (
-            f"{count_text}distance at most {self.there:.2g} mm from solid to mesh and {self.back:.2g} mm from mesh to "
-            f"solid ({self.limits.summary}); gaps between faces are under {self.gap:.2g} mm{why}"
+            f"{count_text}distance at most {self.there:.2g} mm from the solid to the mesh and {self.back:.2g} mm from "
+            f"the mesh to the solid ({self.limits.summary}); gaps between faces are under {self.gap:.2g} mm{why}"
         )
 
 
 def file_text(part: Part, which: list[tuple[SmoothModel, int]], rest: Part | None = None) -> str:
-    """Return the STEP text of smooth pieces, and of `rest` as planar faces."""
-    entity_list, about = StepEntities(), "curved solid with spline skins"
+    """Return the STEP text of smooth pieces, and of the part `rest` with planar faces.
+    which : model and number of each smooth piece."""
+    entity_list, about = StepEntities(), "curved solid with outer surfaces of splines"
     writers = {id(model): SmoothText(entity_list, model) for model, _ in which}
     pieces, name = [writers[id(model)].piece(model.pieces[k]) for model, k in which], part.name
     if rest is None:
@@ -356,7 +358,7 @@ def file_text(part: Part, which: list[tuple[SmoothModel, int]], rest: Part | Non
 
 
 def rest_of(part: Part, F: Ints) -> Part:
-    """Return a part with only the triangles F (m, 3), which no smooth piece replaces; simplified if possible."""
+    """Return a part with only the triangles F (m, 3), which no smooth piece replaces. It is simplified if possible."""
     used, local = np.unique(F, return_inverse=True)
     remainder = replace(part, V=part.V[used], F=local.reshape(F.shape))
     try:

@@ -1,1 +1,1 @@
-"""OCCT programs that read and check STEP files."""
+"""Programs that read and check STEP files with the CAD kernel OCCT."""

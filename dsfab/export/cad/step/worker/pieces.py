@@ -1,6 +1,6 @@
 """OCCT's findings about each solid of a STEP file.
 
-tessellates : every face gets triangles.    volume : mm3.    bad : (k, 3) ends of crossing edges, mm.
+tessellates : True if every face gets triangles.    volume : mm3.    bad : (k, 3) ends of crossing edges, mm.
 box : lowest and highest corner, mm.    gap : largest measured distance between an edge and its curve on a face, mm."""
 
 import ctypes
@@ -32,7 +32,7 @@ CAN_FORK = sys.platform == "linux"  # true if the process can be forked safely
 
 
 class ForkedWork:
-    """A function that runs in a fork of this process; a call returns the result, which must fit JSON."""
+    """Function that runs in a fork of this process. A call returns the function's result, as read from JSON."""
 
     def __init__(self, work: Callable[[], Any]) -> None:
         self._result, write_end = os.pipe()
@@ -57,14 +57,14 @@ class ForkedWork:
         return json.loads(text)
 
     def stop(self) -> None:
-        """Kill the forked process; its result is lost."""
+        """Kill the forked process and lose its result."""
         os.close(self._result)
         os.kill(self._copy, signal.SIGKILL)
         os.waitpid(self._copy, 0)
 
 
 def map_with_fork(work: Callable[[int], Any], count: int) -> list[Any]:
-    """Return the results of `work` for 0, 1 ... count - 1, from two processes."""
+    """Call `work` with 0, 1 ... count - 1 in two processes, and return the results in order."""
     numbers, issue = os.pipe()
     os.write(issue, array("I", range(count)).tobytes())
     os.close(issue)
@@ -91,7 +91,7 @@ REPAIRS = (
 def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies: bool = False) -> list[dict[str, Any]]:
     """Return OCCT's findings about each solid of a STEP file; [] if OCCT cannot read the file.
     deflection : largest distance (mm) of triangles from the solid. `folder` gets the triangles as `0.stl`, `1.stl` ...
-    copies     : True to use forked processes; only before OCCT has made triangles in this process."""
+    copies     : True to use forked processes. OCCT must not have made triangles in this process before."""
     reader = _reader(path)
     if reader is None:
         return []
@@ -102,7 +102,7 @@ def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies:
 
 
 def whole_findings(path: str, folder: str, deflection: float, copies: bool = False) -> list[dict[str, Any]]:
-    """Return OCCT's findings about each solid of a STEP file, read as one shape; [] if OCCT cannot read the file.
+    """Return OCCT's findings about each solid of a STEP file, read as a single shape; [] if OCCT cannot read it.
     If every face has triangles, `folder` gets the triangles and the shape.    copies : True to use a forked process."""
     reader = _reader(path)
     if reader is None or not reader.TransferRoots():
@@ -206,7 +206,7 @@ def _measures(solid: Any, faces: list[Any], with_volume: bool = True) -> tuple[f
 
 
 def _untriangulated_findings(solids: list[Any]) -> list[dict[str, Any]]:
-    results = []  # the Gauss-Kronrod rule suits many small faces
+    results = []  # uses the Gauss-Kronrod rule, which suits many small faces
     for solid in solids:
         checked = _shape_findings(solid)
         gap, _ = _measures(solid, faces_of(solid), with_volume=False)

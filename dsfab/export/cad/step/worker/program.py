@@ -4,7 +4,7 @@
 
 prints one line of JSON. The commands are the functions of `COMMANDS`. Without arguments, the program reads a list of
 arguments from its input, as one line of JSON.
-The modules beside this one import nothing else from dsfab."""
+Modules of this folder that the program needs import nothing from the rest of dsfab."""
 
 import gc
 import json

@@ -19,15 +19,15 @@ SECONDS, SECONDS_PER_MB = 60.0, 10.0  # time limit for reading: seconds, and sec
 
 
 def occt_report(command: str, *arguments: str, seconds: float) -> dict[str, Any]:
-    """Return the report of a command of the OCCT program. Raises ProgramError or TimeoutExpired."""
+    """Run a command of the OCCT program, and return its report. Raises ProgramError or TimeoutExpired."""
     return dict(json.loads(last_line(occt_program.__file__, command, *arguments, seconds=seconds)))
 
 
 @dataclass(frozen=True, eq=False)
 class StepMesh:
-    """Triangles of a STEP file. solids : number of solids.
-    V, F       : (n, 3) points, mm, and (m, 3) triangles. Different faces share no vertices.
-    face       : (m,) face of each triangle.
+    """Triangles of a STEP file. solids : number of solids.    shape : OCCT's binary shape.
+    V, F       : (n, 3) points, mm, and (m, 3) triangles. Different STEP faces share no points.
+    face       : (m,) number of the STEP face of each triangle.
     deflection : largest distance of the triangles from curved faces, mm."""
 
     V: Floats
@@ -40,14 +40,14 @@ class StepMesh:
 
 def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
     """Read the solids of a STEP file as triangles. Raises ExportError.
-    deflection : largest distance from curved faces, mm; 0 for the default."""
+    deflection : largest distance of triangles from curved faces, mm; 0 for the default."""
     with tempfile.TemporaryDirectory() as folder:
         return mesh_in(folder, _drawn(path, folder, *((str(deflection),) if deflection else ())))
 
 
 def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> StepMesh:
     """Triangulate OCCT's binary shape. Raises ExportError.
-    deflection : largest distance from curved faces, mm.    faces : (k,) numbers of the faces; None for all."""
+    deflection : largest distance of triangles from curved faces, mm.    faces : (k,) numbers of faces; None for all."""
     with tempfile.TemporaryDirectory() as folder:
         path, only = Path(folder) / "shape.bin", Path(folder) / "faces.npy"
         path.write_bytes(shape)
@@ -63,14 +63,15 @@ def _drawn(path: Path, folder: str, *how: str) -> dict[str, float]:
         return occt_report("triangles", str(path), folder, *how, seconds=limit)
     except subprocess.TimeoutExpired:
         raise ExportError(
-            f"reading {path} did not end within {limit:.0f} s; write STL or 3MF and check that file instead"
+            f"reading {path} did not end within {limit:.0f} s; write an STL or 3MF file and check that file instead"
         ) from None
     except ProgramError as error:
-        raise ExportError(f"{path} cannot be read as STEP ({str(error)[:160]}); export it again") from None
+        raise ExportError(f"{path} cannot be read as STEP ({str(error)[:160]}); export the file again") from None
 
 
 def mesh_in(folder: str, facts: dict[str, float], shape: bytes = b"") -> StepMesh:
-    """Read the triangles that OCCT's program wrote to a folder. Raises OSError."""
+    """Read the triangles that the OCCT program wrote to a folder. Raises OSError.
+    facts : report of the program.    shape : OCCT's binary shape; read from the folder if empty."""
     shape = shape or (Path(folder) / "shape.bin").read_bytes()
     with np.load(Path(folder) / "mesh.npz") as mesh:
         solids = int(facts["solids"] if "solids" in facts else mesh["solids"])
@@ -83,8 +84,8 @@ RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 
 @dataclass(frozen=True, eq=False)
 class OcctFinding:
-    """OCCT's findings about a solid, in mm. tessellates : True if every face has triangles. faces : number of faces.
-    gap : largest distance of an edge from its curve on a face.    box : lowest and highest corner.
+    """OCCT's findings about a solid; lengths in mm. tessellates : True if every face has triangles.
+    gap : largest distance of an edge from its curve on a face.    box : lowest and highest corner, six numbers.
     bad : (k, 3) end points of edges that cross.    V, F : triangles of the solid."""
 
     valid: bool
@@ -100,7 +101,7 @@ class OcctFinding:
 
 
 def occt() -> PreparedProgram:
-    """Start the OCCT program for `findings` in advance."""
+    """Start the OCCT program in advance, for later use by `findings`."""
     return PreparedProgram(occt_program.__file__)
 
 
@@ -113,7 +114,7 @@ def findings(
 ) -> list[OcctFinding]:
     """Return findings about each solid of a STEP file `text`; [] if OCCT fails or takes over `limit` seconds.
     deflection   : largest distance of the triangles from the solid, mm.
-    on_triangles : function of all triangles; with this function, the findings contain no triangles."""
+    on_triangles : function of all triangles; if it is given, the findings contain no triangles."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = Path(folder) / "a.step"
         path.write_text(text, encoding="ascii")
@@ -133,7 +134,8 @@ def solid_records(
     limit: float,
     look: Callable[[], None] | None = None,
 ) -> list[dict[str, Any]]:
-    """Return OCCT's findings about each solid of a file. limit : seconds of processor time."""
+    """Return OCCT's findings about each solid of a STEP file, as dictionaries. limit : seconds of processor time.
+    look : function to call once OCCT has written all triangles to `folder`."""
     program.send("pieces", path, folder, str(deflection), *(["whole"] if look else []))
     mesh_path = Path(folder) / "mesh.npz"
     line = program.answer_with_work(mesh_path.exists, look, limit) if look else program.answer(limit)
@@ -149,7 +151,7 @@ def _finding(record: dict[str, Any], path: Path) -> OcctFinding:
 
 
 def distinct_points(points: Floats) -> tuple[Floats, Ints]:
-    """Return the distinct points (n, 3), sorted, and the number (k,) of each point (k, 3)."""
+    """Return the different points (n, 3), sorted, and for each given point (k, 3) its number (k,) among them."""
     order = np.lexsort(points.T[::-1])
     ranked = points[order]
     is_first = np.ones(len(points), dtype=bool)

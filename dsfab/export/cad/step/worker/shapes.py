@@ -1,4 +1,4 @@
-"""Functions to read, write and measure shapes of OCCT."""
+"""Functions that read, write and measure shapes of the CAD kernel OCCT."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -30,7 +30,7 @@ def read(path: Path) -> Any:
 
 
 def step_reader(path: Path) -> Any | None:
-    """Return an OCCT reader of a STEP file; None if OCCT cannot read the file."""
+    """Return OCCT's reader object after it read a STEP file; None if OCCT cannot read the file."""
     from OCP.IFSelect import IFSelect_ReturnStatus
     from OCP.Message import Message
     from OCP.STEPControl import STEPControl_Reader
@@ -41,7 +41,7 @@ def step_reader(path: Path) -> Any | None:
 
 
 def write_binary(shape: Any, path: Path) -> None:
-    """Write OCCT's binary shape without triangles."""
+    """Write a shape to a file in OCCT's binary format, without its triangles."""
     from OCP.BinTools import BinTools, BinTools_FormatVersion
 
     if not BinTools.Write_s(shape, str(path), False, False, BinTools_FormatVersion.BinTools_FormatVersion_CURRENT):
@@ -68,7 +68,7 @@ def faces_of(shape: Any) -> list[Any]:
 
 
 def compound(shapes: list[Any]) -> Any:
-    """Return a compound (OCCT's group) of shapes."""
+    """Return the shapes as a compound (a group of shapes in OCCT)."""
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Compound
 
@@ -80,7 +80,7 @@ def compound(shapes: list[Any]) -> Any:
 
 
 def bounds(shape: Any, with_triangles: bool = True) -> list[float]:
-    """Return the lowest and highest corner of OCCT's bounding box, six numbers."""
+    """Return the lowest and highest corner of OCCT's bounding box of a shape: six numbers, mm."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
 
@@ -91,8 +91,7 @@ def bounds(shape: Any, with_triangles: bool = True) -> list[float]:
 
 
 def diagonal(shape: Any, optimal: bool = True) -> float:
-    """Return the diagonal of a shape's box.
-    optimal : True for the smallest box."""
+    """Return the diagonal of a shape's bounding box, mm. optimal : True for the smallest box."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
 
@@ -109,7 +108,7 @@ def is_valid(shape: Any) -> bool:
 
 
 def gauss_kronrod_volume(shape: Any, accuracy: float) -> float:
-    """Return the volume of a shape (mm3) to a relative accuracy."""
+    """Return the volume of a shape (mm3) by the Gauss-Kronrod rule. accuracy : largest relative error."""
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 
@@ -127,7 +126,7 @@ def without_triangles(faces: list[Any]) -> list[Any]:
 
 
 def step_facts(path: Path) -> dict[str, Any]:
-    """Return the facts of a file, in millimetres.
+    """Return the counts and measures of a STEP, `.brep` or `.bin` file, in millimetres.
     Solids: {"solids": 1, "faces": 6, "valid": true, "tessellates": true, "volume": 1000.0}.
     Triangles: {"triangles": 12, "volume": 1000.0}.    Lines: {"lines": 3, "length": 12.0}.
     Raises ValueError if OCCT finds no shape."""

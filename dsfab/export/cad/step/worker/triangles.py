@@ -1,7 +1,7 @@
 """OCCT's triangles of the solids in a STEP file.
 
-`mesh.npz` contains V (n, 3), mm, F (m, 3), counter-clockwise from outside, and the face (m,) of each triangle.
-Faces share no vertices. `shape.bin` is OCCT's binary shape."""
+`mesh.npz` contains points V (n, 3), mm, triangles F (m, 3), and the number `face` (m,) of each triangle's face.
+Triangles are counter-clockwise seen from outside. Faces share no points. `shape.bin` is OCCT's binary shape."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,8 +15,8 @@ DEFLECTION_SHARE = 1e-4  # default deflection, as a fraction of the diagonal of 
 
 
 def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: str = "") -> dict[str, Any]:
-    """Write `mesh.npz` of a STEP or `.bin` file to a folder, and `shape.bin` of a STEP file.
-    faces : `.npy` file with numbers of faces; all faces by default.
+    """Write the triangles of a STEP or `.bin` file to `folder` as `mesh.npz`; for a STEP file, write also `shape.bin`.
+    faces : name of a `.npy` file with numbers of faces; all faces by default.
     Return the number of solids and the deflection. Raises ValueError."""
     shape = read(path)
     if path.suffix != ".bin":
@@ -28,8 +28,8 @@ def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: st
 
 def triangles_of(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple[dict[str, Any], dict[str, float]]:
     """Return triangles of a shape (`V` points in mm, `F` triangles, `face` of each), number of solids, and deflection.
-    deflection : largest distance from curved faces, mm; 0 for the default.
-    only : (k,) faces to triangulate; None means all faces."""
+    deflection : largest distance of triangles from curved faces, mm; 0 for the default.
+    only : (k,) numbers of the faces to triangulate; None for all faces."""
     solids, deflection = parts(shape, "SOLID"), deflection or DEFLECTION_SHARE * diagonal(shape)
     faces = [face for solid in solids for face in faces_of(solid)]
     numbers = list(range(len(faces)) if only is None else map(int, only))
@@ -39,7 +39,7 @@ def triangles_of(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple
 
 
 def draw(shape: Any, deflection: float) -> None:
-    """Let OCCT triangulate a shape. deflection : largest error, mm."""
+    """Let OCCT triangulate a shape. deflection : largest distance of triangles from curved faces, mm."""
     angle = 0.2  # largest angle (radians) between neighbouring triangles
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
@@ -47,7 +47,7 @@ def draw(shape: Any, deflection: float) -> None:
 
 
 def keep_drawn(shape: Any, folder: Path) -> None:
-    """Write `shape.bin` and `mesh.npz` of a triangulated shape."""
+    """Write a triangulated shape to `folder`: the shape as `shape.bin`, and its triangles as `mesh.npz`."""
     solids = parts(shape, "SOLID")
     faces = [face for solid in solids for face in faces_of(solid)]
     write_binary(shape, folder / "shape.bin")

@@ -17,7 +17,7 @@ PLANES = (
     *((1.0, 0.11, 0.07, 0.03), (0.09, 1.0, -0.13, -0.05), (0.05, 0.08, 1.0, 0.02), (1.0, 0.9, 0.2, 0.07)),
     *((1.0, -1.1, 0.3, -0.04), (0.4, 1.0, 0.9, 0.06), (0.9, -0.3, 1.0, -0.08), (-0.7, 1.0, 0.15, 0.11)),
 )
-"""Cutting planes: normal, and distance from the middle of the box as a fraction of its diagonal."""
+"""Cutting planes: the normal, and the distance from the middle of the bounding box / the box's diagonal."""
 
 BOX = ((0.13, 0.21, -0.1), (0.71, 0.83, 1.1))  # corners of the cutting box, as fractions of the solids' box
 
@@ -28,16 +28,16 @@ SMOOTH = cos(radians(1.0))  # cosine of the largest angle between an edge and it
 
 
 def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, Any]:
-    """Cut and round the solids of a STEP file with OCCT, as a trial; return the findings.
-    solids, faces : numbers.    valid : OCCT finds no fault.    seconds : processor time.
+    """Cut the solids of a STEP file with OCCT and fillet their edges, as a trial; return the findings.
+    solids, faces : their numbers.    valid : True if OCCT finds no fault.    seconds : processor time.
     volume, plain : volumes by the Gauss-Kronrod rule, and by OCCT's default rule, mm3.
     box           : OCCT's bounding box, six numbers, mm.
-    sound         : number of good cuts. Trials end with the first failure, unless `every_cut` is set.
+    sound         : number of good cuts. Cutting ends with the first failure, unless `every_cut` is set.
     worst, alone  : largest volume errors of the valid cuts: `together` and `alone` in `VolumeErrors`.
-    missed        : for each cut: 0 if it is sound, 1 if a half is invalid, otherwise the relative volume error.
+    missed        : for each cut: 0 if it is good, 1 if a half is invalid, otherwise the relative volume error.
     boxed         : True if a cut with a box succeeds.    box_missed : as `missed`, for this cut.
     closed        : True if a section has no open ends.
-    again         : True if OCCT's copy of the file is equal.
+    again         : True if a file that OCCT writes of the solid has the same faces and volume.
     fillets, sharp : number of edges that OCCT rounded, and number of tried edges."""
     begin = time.process_time()
     shape = read(path)
@@ -69,7 +69,8 @@ def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, An
 
 
 def sample(path: Path) -> dict[str, Any]:
-    """Cut a shape through the middle; return its bounding `box`, `halves` (True if valid), and `off` (volume error)."""
+    """Cut the shape in a file through the middle, and return a report on the result.
+    box : bounding box.    halves : True if they are valid.    off : relative volume error."""
     begin = time.process_time()
     shape = read(path)
     box = bounds(shape)
@@ -93,15 +94,15 @@ def _plain_volume(shape: Any) -> float:
 
 
 class VolumeErrors(NamedTuple):
-    """Relative errors of the volume of a cut solid's halves.
-    alone : measured separately.    together : measured as one shape."""
+    """Relative errors of the total volume of a cut solid's two halves.
+    alone : error if the halves are measured separately.    together : error if they are measured as a group."""
 
     alone: float
     together: float
 
     @property
     def fault(self) -> float:
-        """Relative volume error of the halves, or 0 if negligible."""
+        """Relative error of the halves' total volume; 0 if it is negligible."""
         return self.together if self.together > TOGETHER_LIMIT else 0.0
 
 
@@ -109,7 +110,7 @@ INVALID = VolumeErrors(1.0, 1.0)
 
 
 def volume_errors(halves: list[Any], whole_volume: float) -> VolumeErrors:
-    """Return the volume errors of the two halves of a cut solid. whole_volume : mm3."""
+    """Return the volume errors of the two halves of a cut solid. whole_volume : volume before the cut, mm3."""
     if not halves:
         return INVALID
     alone = abs(sum(map(_volume, halves)) / whole_volume - 1)
@@ -156,7 +157,7 @@ def _box(box: list[float]) -> Any:
 
 
 def _split(shape: Any, tool: Any) -> list[Any]:
-    """Return the parts inside and outside of a tool; [] if a part is invalid."""
+    """Return the parts of a shape inside and outside of a solid `tool`; [] if a part is invalid."""
     from OCP.BOPAlgo import BOPAlgo_CellsBuilder
     from OCP.collections import List_TopoDS_Shape
 
@@ -179,7 +180,7 @@ def _split(shape: Any, tool: Any) -> list[Any]:
 
 
 def _closed_section(shape: Any, box: list[float], plane: tuple[float, ...]) -> bool:
-    meet = 0.05  # ends of edges at a smaller distance (mm) are one point
+    meet = 0.05  # edge ends count as one point if their distance (mm) is smaller
     from OCP.BRep import BRep_Tool
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Section
     from OCP.TopoDS import TopoDS
@@ -213,7 +214,7 @@ def _survives_rewriting(shape: Any, whole_volume: float) -> bool:
 
 
 def fillet_counts(shape: Any) -> tuple[int, int]:
-    """Return the number of edges that OCCT rounded, and the number of tried edges."""
+    """Return the number of edges that OCCT can round with a fillet, and the number of tried edges."""
     from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
 
     edges = thickness_edges(shape)
@@ -231,7 +232,7 @@ def fillet_counts(shape: Any) -> tuple[int, int]:
 
 
 def thickness_edges(shape: Any) -> list[tuple[Any, float]]:
-    """Return the sharp straight edges from skin to skin, with lengths."""
+    """Return the sharp straight edges through the sheet's thickness, each with its length (mm)."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
     from OCP.collections import IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher as Faces

@@ -1,4 +1,4 @@
-"""OCCT's volume of a solid."""
+"""Volume of a solid as OCCT computes it."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ MANY_EDGES = 16  # faces with at least this many edges are integrated by Green's
 
 class PlaneSpline(NamedTuple):
     """Curve in a surface's parameter plane.
-    knots : with repetitions.    way : 1, or -1 if the edge is reversed."""
+    knots : repeated by their multiplicity.    way : 1, or -1 if the edge is reversed."""
 
     degree: int
     knots: list[float]
@@ -37,7 +37,7 @@ def volume(solid: Any) -> float:
 
 
 def _cone(face: Any, about: Any) -> float:
-    """Return the volume (mm3) between a face and a point, positive if the point is behind the face."""
+    """Return the volume (mm3) of the cone from a face to a point `about`, positive if the point is behind the face."""
     from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
     from OCP.TopAbs import TopAbs_Orientation
     from OCP.TopoDS import TopoDS
@@ -126,7 +126,7 @@ def _local(knots: list[float], t: Any) -> tuple[Any, Any]:
 
 
 def _outline_points(outline: Sequence[PlaneSpline]) -> tuple[Any, Any]:
-    """Return Gauss points (k, 2) on an outline's curves, and weights (k,)."""
+    """Return Gauss points (k, 2) on the curves of an outline, and their weights (k,) for an integral over dv."""
     points = 4  # Gauss points in a span, as in OCCT
     places, weights = [], []
     for degree in sorted({curve.degree for curve in outline}):
@@ -141,7 +141,7 @@ def _outline_points(outline: Sequence[PlaneSpline]) -> tuple[Any, Any]:
 
 
 def _spans(curve: PlaneSpline) -> tuple[Any, Any, Any]:
-    """Return knots (k, 2 d), poles (k, d + 1, 2) and `curve.way` for k spans."""
+    """Return, for k spans of a curve of degree d, the knots (k, 2 d), poles (k, d + 1, 2) and `curve.way` (k,)."""
     d = curve.degree
     K = sliding_window_view(np.array(curve.knots[1:-1]), 2 * d)
     poles = sliding_window_view(np.array(curve.poles), d + 1, axis=0).swapaxes(1, 2)
@@ -150,7 +150,7 @@ def _spans(curve: PlaneSpline) -> tuple[Any, Any, Any]:
 
 
 def _de_boor(K: Any, poles: Any, t: Any) -> tuple[Any, Any]:
-    """Return points (k, 2) and derivatives of a curve at parameters t (k,)."""
+    """Return the points (k, 2) and derivatives (k, 2) of spans with knots K and `poles` at parameters t (k,)."""
     d = K.shape[1] // 2
     slope = d * (poles[:, 1:] - poles[:, :-1]) / (K[:, d:] - K[:, :d])[:, :, None]
     K1, K2 = K, K[:, 1:-1]
