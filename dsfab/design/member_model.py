@@ -98,7 +98,7 @@ def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> di
             loads = [item for item in of_case if item.case == name]
             kind = action_kind(replace(loads[0], case=case), actions)
             part = load if name == case else load.with_loads(surface, loads, preset.statics.area_weight)
-            result[name] = ActionCase(case, _action_class(kind), part)
+            result[name.replace(":", "")] = ActionCase(case, _action_class(kind), part)
     return result
 
 

@@ -39,7 +39,16 @@ from dsfab.study.hold_down import hold_down_remarks
 from dsfab.study.verdict import BUDGET
 from dsfab.study.verdict.estimates import quantile
 from dsfab.study.verdict.levels import memory_needed
-from dsfab.surface import DesignFactors, LiftingRule, LoadCase, Support, Surface, link_components, support_names
+from dsfab.surface import (
+    DesignFactors,
+    LiftingRule,
+    LoadCase,
+    SelfWeight,
+    Support,
+    Surface,
+    link_components,
+    support_names,
+)
 
 if TYPE_CHECKING:
     from dsfab.members.frame import MemberForces
@@ -164,7 +173,11 @@ class CutStatics:
 
     @property
     def up(self) -> int:
-        """Axis that points upwards: z, or y for a flat sheet in the xy plane, which counts as a wall."""
+        """Axis that points upwards: that of the self-weight. Without self-weight it is z, or y for a flat sheet that is
+        loaded in the xy plane, which counts as a wall."""
+        for load in self.preset.surface.load:
+            if isinstance(load, SelfWeight):
+                return int(np.abs(load.direction).argmax())
         return 1 if flat_axis(self.model.surface, *self.loads.values()) == 2 else 2
 
     def stress(self, name: str) -> SheetStress:

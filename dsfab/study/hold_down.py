@@ -30,10 +30,10 @@ def hold_down_remarks(
             if -at_place[name] > pulls[p]:
                 pulls[p], words[p] = -at_place[name], name
     largest = max((float(np.abs(forces).max(initial=0.0)) for forces in vertical.values()), default=0.0)
-    listed = []
+    listed, least = [], 1e-6 * largest  # smaller forces are rounding
     for support in dict.fromkeys(supports):
         indices = [p for p, name in enumerate(supports) if name == support]
-        down = [p for p in indices if pulls[p] > 0]
+        down = [p for p in indices if pulls[p] > least]
         worst = max(indices, key=lambda p: pulls[p])
         if sum(pulls[down]) > NO_PULL * largest:
             places = (

@@ -891,11 +891,51 @@ def test_a_vault_on_high_walls_has_the_height_of_its_eaves_and_both_values_of_th
     assert min(lift[2:]) > 1.2 * max(lift[:2])
 
 
+def house(top, length=8.0, floor=True, edge=0.5):
+    """A building of 6 m x `length`, 4 m high, with walls; the height of its roof above z = 4 m is a function of x."""
+    solid = refined_surface(box((-3.0, 0.0, 0.0), (3.0, length, 4.0)), edge)
+    V = solid.V.copy()
+    V[:, 2] *= 1 + top(V[:, 0]) / 4
+    return Surface(V, solid.F if floor else solid.F[solid.normals[:, 2] > -0.5])
+
+
 def test_a_building_has_wind_on_its_walls_and_on_its_roof():
-    building = refined_surface(box((0.0, 0.0, 0.0), (8.0, 6.0, 5.0)), 0.5)
-    forces = [load.forces(building, 0.0).sum(axis=0) / 500 for load in winds_on(building, "")]
-    assert_allclose(sorted(np.abs(force[:2]).max() for force in forces), [1.3 * 30, 1.3 * 30, 1.3 * 40, 1.3 * 40])
+    forces = [
+        load.forces(house(lambda x: 0 * x), 0.0).sum(axis=0) / 500 for load in winds_on(house(lambda x: 0 * x), "")
+    ]
+    assert_allclose(sorted(np.abs(force[:2]).max() for force in forces), [1.3 * 24, 1.3 * 24, 1.3 * 32, 1.3 * 32])
     assert min(force[2] for force in forces) > 0.3 * 48
+
+
+@pytest.mark.parametrize("length", [5.0, 20.0])
+def test_a_vaulted_building_is_lifted_across_its_vault_whatever_its_walls(length):
+    vaulted = house(lambda x: np.sqrt(25 - x**2) - 4, length)
+    winds = winds_on(vaulted, "")
+    assert {load.shape for load in winds} == {"vault"}
+    assert min(load.forces(vaulted, 0.0)[:, 2].sum() for load in winds) > 0.4 * 500 * 6 * length
+    assert all(abs(load.direction[0]) == pytest.approx(1.0) for load in winds)
+
+
+@pytest.mark.parametrize("turn", [0.0, 30.0, 45.0])
+def test_half_loads_of_a_flat_canopy_turn_with_it(turn):
+    """The largest moment about the long axis of 12 m x 4 m is q x 1.0 x 24 m2 x 1 m, figure 7.16."""
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    flat = grid(48, 16, 12.0, 4.0)
+    V = (flat.V - [6.0, 2.0, 0.0]) @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    across = V @ [-s, c, 0.0]
+    canopy = Surface(V, flat.F)
+    moments = [np.abs(load.forces(canopy, 0.0)[:, 2] @ across) / 500 for load in winds_on(canopy, "columns")]
+    assert max(moments) == pytest.approx(24.0, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("top", "floor"),
+    [(lambda x: 1.5 - 0.5 * np.abs(x), True), (lambda x: 0.8 + 0.2 * x, True), (lambda x: 0 * x, False)],
+)
+def test_buildings_without_coefficients_of_wind_are_refused(top, floor):
+    """A closed gable, a closed shed, and a roof on walls without a floor, whose outside is unknown."""
+    with pytest.raises(PresetError, match="make the preset without wind"):
+        winds_on(house(top, floor=floor), "" if floor else "base")
 
 
 def test_a_roof_without_coefficients_of_wind_is_refused_with_a_way_out():

@@ -221,9 +221,9 @@ def test_a_weight_that_cases_repeat_counts_once_also_beside_a_case_of_wind_alone
     """Weight of 400 N in two cases with variable loads: 1.5 x 300 - 0.9 x 400 for a third case of wind only."""
     loads = [SelfWeight(), Snow(1.0), SelfWeight(case="gust"), Wind(1.0, (1, 0, 0), case="gust")]
     loads += [Wind(2.0, (1, 0, 0), case="alone")]
-    vertical = {"load": 500.0, "gust": 200.0, "alone": -300.0, "permanent loads": 400.0, "load snow": 100.0}
-    vertical |= {"gust wind": -200.0}
-    assert "post 90 N (0.9 permanent loads + 1.5 alone)" in lifting_remark(loads, vertical)
+    vertical = {"load": 500.0, "gust": 200.0, "alone": -300.0, "(permanent loads)": 400.0, "load: snow": 100.0}
+    vertical |= {"gust: wind": -200.0}
+    assert "post 90 N (0.9 (permanent loads) + 1.5 alone)" in lifting_remark(loads, vertical)
     assert not lifting_remark(loads, vertical | {"alone": -230.0})
 
 
@@ -231,19 +231,44 @@ def test_permanent_loads_that_a_case_lacks_never_hold_down():
     """Cladding of 300 N is not there yet in the wind of the erection: 1.5 x 400 - 0.9 x 400. It lifts if it can."""
     wind = Wind(1.0, (1, 0, 0), case="erection")
     loads = [SelfWeight(), Cladding(1.0), Snow(1.0), SelfWeight(case="erection"), wind]
-    vertical = {"load": 0.0, "erection": 0.0, "permanent loads": 400.0, "load snow": 100.0, "erection wind": -400.0}
-    assert "post 240 N (0.9 permanent loads + 1.5 erection wind)" in lifting_remark(
-        loads, vertical | {"load permanent": 300.0}
+    vertical = {"load": 0.0, "erection": 0.0, "(permanent loads)": 400.0, "load: snow": 100.0, "erection: wind": -400.0}
+    assert "post 240 N (0.9 (permanent loads) + 1.5 erection: wind)" in lifting_remark(
+        loads, vertical | {"load: permanent": 300.0}
     )
-    assert "post 570 N (0.9 permanent loads + 1.1 load permanent + 1.5 erection wind)" in lifting_remark(
-        loads, vertical | {"load permanent": -300.0}
+    assert "post 570 N (0.9 (permanent loads) + 1.1 load: permanent + 1.5 erection: wind)" in lifting_remark(
+        loads, vertical | {"load: permanent": -300.0}
     )
 
 
 def test_a_weight_that_is_labelled_as_wind_stays_permanent():
     loads = [SelfWeight(case="up"), Pressure(-9.0, case="up")]
-    vertical = {"up": 0.0, "permanent loads": 400.0, "up wind": -400.0}
-    assert "post 240 N (0.9 permanent loads + 1.5 up wind)" in lifting_remark(loads, vertical, {"up": "wind"})
+    vertical = {"up": 0.0, "(permanent loads)": 400.0, "up: wind": -400.0}
+    assert "post 240 N (0.9 (permanent loads) + 1.5 up: wind)" in lifting_remark(loads, vertical, {"up": "wind"})
+
+
+def test_the_names_and_the_order_of_cases_do_not_matter():
+    """Weight in a case of its own, and with cladding and wind in another; a third case repeats the weight."""
+    cases = {"a": [SelfWeight(case="a")], "c": [SelfWeight(case="c")]}
+    cases["b"] = [SelfWeight(case="b"), Cladding(1.0, case="b"), Wind(1.0, (1, 0, 0), case="b")]
+    vertical = {"a": 400.0, "c": 400.0, "b": 0.0, "(permanent loads)": 400.0, "b: permanent": 50.0, "b: wind": -450.0}
+    for order in ("abc", "bac", "cba"):
+        loads = [load for name in order for load in cases[name]]
+        assert "post 315 N (0.9 (permanent loads) + 1.5 b: wind)" in lifting_remark(loads, vertical)
+
+
+def test_loads_of_unknown_kind_in_one_case_are_checked_one_by_one():
+    """A suction of 400 N and people of 300 N in the case of the weight: 1.5 x 400 - 0.9 x 400."""
+    loads = [SelfWeight(), Pressure(-9.0), Snow(9.0, kind="imposed")]
+    vertical = {"load": 300.0, "(permanent loads)": 400.0, "load: pressure 1": -400.0, "load: imposed 2": 300.0}
+    assert "post 240 N (0.9 (permanent loads) + 1.5 load: pressure 1)" in lifting_remark(loads, vertical)
+
+
+def test_cases_named_like_parts_of_cases_are_told_apart():
+    """`loads_by_action` gives parts names that no preset can have."""
+    loads = [SelfWeight(), Wind(1.0, (1, 0, 0)), SelfWeight(case="load wind"), Wind(2.0, (1, 0, 0), case="load wind")]
+    rule = LiftingRule.for_loads(loads, {}, DesignFactors())
+    names = [action.case for group in rule.groups for action in group]
+    assert sorted(names) == ["load wind: wind", "load: wind"]
 
 
 LIFTED = {"kind": "wind", "direction": [1, 0, 0], "shape": "canopy up", "case": "lift"}
@@ -273,7 +298,7 @@ def test_supports_hold_a_light_roof_down_by_the_rule_of_static_equilibrium(cases
     remarks = remarks_on_lifting(plate_preset(4.0, ends, loads))
     weight, wind = 500 * 9.81 * 0.1 * 4.0, 0.55 * pressure * 4.0  # newtons on half of the plate
     pull = 1.5 * wind - 0.9 * weight
-    words = "0.9 dead + 1.5 lift" if cases[0] == "dead" else "0.9 permanent loads + 1.5 lift wind"
+    words = "0.9 dead + 1.5 lift" if cases[0] == "dead" else "0.9 (permanent loads) + 1.5 lift: wind"
     assert len(remarks) == (pull > 0)
     for text in remarks:
         assert text.count(f"{pull / 1e3:.3g} kN ({words})") == 2
@@ -297,7 +322,7 @@ def test_a_support_behind_an_overhang_pulls_under_snow(together):
     pull = 2.0 * 10.0 * (10.0 / 8.0 - 1) * (1.1 * 500 * 9.81 * 0.1 + 1.5 * 800)
     name, count = ("points", 4) if together else ("end", 2)
     places = f"at 2 of {count} places, at most {pull / 2e3:.3g} kN"
-    assert f"A1.2(A): {name} {pull / 1e3:.3g} kN {places} (1.1 permanent loads + 1.5 load snow)" in text
+    assert f"A1.2(A): {name} {pull / 1e3:.3g} kN {places} (1.1 (permanent loads) + 1.5 load: snow)" in text
 
 
 @pytest.mark.slow

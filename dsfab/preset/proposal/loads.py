@@ -8,13 +8,13 @@ from typing import Literal
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, point_tuple
+from dsfab.core.arrays import Bools, Floats, point_tuple
 from dsfab.core.errors import PresetError, SurfaceError
 from dsfab.preset.proposal.readings import SupportPlace
 from dsfab.preset.proposal.shape import is_nearly_closed
 from dsfab.surface import Surface, Wind, faces_without_upper_side, one_sided_pieces
 from dsfab.surface.loads.load_case import WindShape, outward_normals
-from dsfab.surface.loads.roof_shapes import CanopyCoefficients, RoofProfile, roofs, side_of_plan
+from dsfab.surface.loads.roof_shapes import ROOF_RISE, TWO_SLOPES, CanopyCoefficients, RoofProfile, roofs, side_of_plan
 
 USUAL_LOAD = {"roof": "snow", "hung": "services", "floor": "people", "wall": "wind"}
 """Usual load of a surface besides its weight, by kind of surface."""
@@ -135,7 +135,7 @@ def _wind(surface: Surface, pressure: float, roof: WindRoof) -> Iterator[list[st
         lines += [f"direction = {direction}", f'case = "{case.name}"']
         if roof:
             lines.append(toml_line("shape", case.shape, LINE_OF_SHAPE[roof]))
-        elif not _goes_around(surface):
+        if (roof == "canopy" and faces_without_upper_side(surface).any()) or not (roof or _goes_around(surface)):
             note = "net coefficient of a free-standing wall [EN 1991-1-4, table 7.9, zone D]"
             lines += [toml_line("windward", 1.2, note), "leeward = 1.2"]
         if case.eaves:
@@ -147,14 +147,16 @@ def _wind(surface: Surface, pressure: float, roof: WindRoof) -> Iterator[list[st
 def _wind_cases(surface: Surface, roof: WindRoof) -> list[WindCase]:
     """Return the cases of wind on a kind of roof; equal cases count once.
     Raises SurfaceError if the shape of the load does not fit the roof."""
-    d = broadside(surface)
-    parts = roofs(surface, np.ones(surface.m, dtype=bool), outward_normals(surface))
+    n = outward_normals(surface)
+    parts = roofs(surface, np.ones(surface.m, dtype=bool), n)
+    on_roof = np.logical_or.reduce(parts) if parts else np.zeros(surface.m, dtype=bool)
+    d = broadside(surface, on_roof)
     if roof == "canopy":
-        canopies = [
-            CanopyCoefficients.of_roof(RoofProfile.all_around(surface, part, outward_normals(surface)))
-            for part in parts
-        ]
-        turns = (0, 180) if all(canopy.has_one_axis for canopy in canopies) else (0, 90, 180, 270)
+        around = [RoofProfile.all_around(surface, part, n) for part in parts]
+        canopies = [CanopyCoefficients.of_roof(profiles) for profiles in around]
+        if all(profiles[0].tilt + profiles[0].uneven < np.tan(np.radians(TWO_SLOPES)) for profiles in around):
+            d = side_of_plan(surface)
+        turns = (0, 180) if len(canopies) == 1 and canopies[0].has_one_axis else (0, 90, 180, 270)
         cases = [WindCase("wind_down", d, "canopy down"), WindCase("wind_up", d, "canopy up")]
         for turn in turns:
             cases.append(WindCase(f"wind_down_{turn}", _turn(d, turn), "canopy down half"))
@@ -166,6 +168,8 @@ def _wind_cases(surface: Surface, roof: WindRoof) -> list[WindCase]:
     elif roof == "vault":
         low = min(surface.V[surface.F[part], 2].min() for part in parts)
         eaves = round(float(low - min(surface.V[:, 2].min(), 0.0)), 2)
+        if not _fits(surface, WindCase("wind", d, "vault", eaves)):
+            d = _turn(d, 90)
         names = [("wind", d), ("wind_back", -d)]
         cases = [WindCase(name, side, "vault", eaves) for name, side in names]
         cases += [WindCase(f"{name}_up", side, "vault up", eaves) for name, side in names]
@@ -183,21 +187,49 @@ def wind_roof(surface: Surface, stands: Sequence[SupportPlace]) -> WindRoof:
     """Return the kind of roof for wind loads; "" if the surface is no roof but a wall, a tower or an object.
     A roof is a canopy, open at its sides, if it stands on less than half of its edges.
     Raises PresetError for a roof of a shape without coefficients."""
-    if one_sided_pieces(surface.F, surface.edges).any() or faces_without_upper_side(surface).all():
+    if one_sided_pieces(surface.F, surface.edges).any():
         return ""
+    wall = faces_without_upper_side(surface)
     supported, edges = sum(place.length for place in stands), surface.edge_lengths[surface.edges.boundary].sum()
-    kinds: tuple[WindRoof, ...] = ("canopy", "vault") if supported < 0.5 * float(edges) else ("flat", "vault")
-    for roof in kinds:
-        with suppress(SurfaceError):
-            _wind_cases(surface, roof)
-            return roof
-    if surface.is_closed:
+    is_open = bool(supported < 0.5 * float(edges)) and not _closed_pieces(surface).any()
+    kinds: tuple[WindRoof, ...] = ("canopy", "vault") if is_open else ("flat", "vault")
+    if not wall.all() and not _covers_its_plan(surface, wall):
+        for roof in kinds:
+            with suppress(SurfaceError):
+                _wind_cases(surface, roof)
+                return roof
+    if not _covers_its_plan(surface, np.ones(surface.m, dtype=bool)):
         return ""
     raise PresetError(
         "--load wind: a surface with a mean slope of less than 60 degrees counts as a roof; dsfab has the coefficients "
         "of vaults, of flat roofs and of open roofs with slopes of up to 30 degrees; for this roof make the preset "
         "without wind, and add loads of kind 'pressure' by your code"
     )
+
+
+def _fits(surface: Surface, case: WindCase) -> bool:
+    with suppress(SurfaceError):
+        return bool(case.traction(surface).any())
+    return False
+
+
+def _closed_pieces(surface: Surface) -> Bools:
+    """Return a mask of the pieces without boundary."""
+    count, piece = surface.pieces
+    return np.asarray(np.bincount(piece, surface.edges.boundary[surface.edges.of].any(axis=1), count) == 0)
+
+
+def _covers_its_plan(surface: Surface, faces: Bools) -> bool:
+    """Return True if those of the `faces` (m,) that look upwards, with slopes below 60 degrees, cover half of the
+    smallest rectangle around the plan. The outside of walls is unknown, so their level faces count as upward."""
+    n = outward_normals(surface)[faces, 2]
+    is_wall = faces_without_upper_side(surface)[faces]
+    upward = np.where(is_wall, np.abs(n), n)
+    along = side_of_plan(surface)
+    across = np.array([-along[1], along[0], 0.0])
+    plan = np.ptp(surface.V @ along) * np.ptp(surface.V @ across)
+    covered = surface.areas[faces] @ np.where(upward > ROOF_RISE, upward, 0.0)
+    return bool(covered > 0 and covered >= 0.5 * plan)
 
 
 def _vertical(surface: Surface, name: str, pressure: float) -> Iterator[str]:
@@ -233,10 +265,12 @@ def takes_snow(surface: Surface) -> bool:
     return bool(is_simple or (edge**2 < 16 * surface.area and not is_nearly_closed(surface)))
 
 
-def broadside(surface: Surface) -> Floats:
-    """Return the horizontal unit vector (3,) from which most of the surface is visible: the worst wind."""
-    n = surface.normals[:, :2]
-    x, y = np.linalg.eigh((n * surface.areas[:, None]).T @ n)[1][:, -1]
+def broadside(surface: Surface, faces: Bools | None = None) -> Floats:
+    """Return the horizontal unit vector (3,) from which most of the surface is visible: the worst wind.
+    faces : (m,) faces that count; by default all, also if no face is marked."""
+    chosen = faces if faces is not None and faces.any() else np.ones(surface.m, dtype=bool)
+    n = surface.normals[chosen, :2]
+    x, y = np.linalg.eigh((n * surface.areas[chosen][:, None]).T @ n)[1][:, -1]
     return np.array([x, y, 0.0]) * (1.0 if x + y > 0 else -1.0)
 
 

@@ -183,14 +183,14 @@ def en1990_combinations(
 
 def loads_by_action(loads: Sequence[Load], actions: Mapping[str, ActionKind]) -> list[Load]:
     """Return the loads with a case for each kind of action. The loads of a case with one kind keep their case; other
-    loads get a case such as 'wind permanent', or 'wind variable' for loads that do not show their kind.
+    loads get a case such as 'gust: wind', or 'gust: variable' for loads that do not show their kind.
     actions : kinds of cases; self-weight and cladding stay permanent."""
     kinds = [action_kind(load, actions) or "variable" for load in loads]
     by_case: dict[str, set[str]] = {}
     for load, kind in zip(loads, kinds, strict=True):
         by_case.setdefault(load.case, set()).add(kind)
     return [
-        replace(load, case=f"{load.case} {kind}") if len(by_case[load.case]) > 1 else load
+        replace(load, case=f"{load.case}: {kind}") if len(by_case[load.case]) > 1 else load
         for load, kind in zip(loads, kinds, strict=True)
     ]
 
@@ -251,7 +251,7 @@ def permanent_and_groups(
 
 def _action_kinds(loads: Sequence[Load], actions: Mapping[str, ActionKind], case: str) -> set[ActionKind | None]:
     """Return the kinds of action of a case; None for a load that does not show its kind."""
-    return {actions.get(case) or ACTION_OF_LOAD.get(load.kind) for load in loads if load.case == case}
+    return {action_kind(load, actions) for load in loads if load.case == case}
 
 
 def _kind(loads: Sequence[Load], case: str) -> str:

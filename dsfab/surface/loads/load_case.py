@@ -104,7 +104,7 @@ class Wind:
     and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1].
 
     This first estimate lacks suction along roofs and side walls, and pressure in open halls; add `pressure` loads.
-    For roofs use a shape, in place of `windward` and `leeward`:
+    For roofs use a shape; then `windward` and `leeward` are for the other faces, such as walls:
 
     shape   : "vault" for a curved roof on walls or on the ground, see `vault_pressure`, and "vault up" for its second
               value; "flat down" or "flat up" for a flat roof on walls, see `flat_roof_pressure`; "canopy down" or
@@ -143,16 +143,9 @@ class Wind:
         return np.asarray(-self.pressure * c[:, None] * n)
 
     def _require_agreeing_keys(self) -> None:
-        unused = ["eaves"] if self.eaves and not self._on_walls else []
-        if self.shape and not self._on_walls:
-            unused += [key for key in ("windward", "leeward") if getattr(self, key) != getattr(Wind, key)]
-        if unused:
+        if self.eaves and not self.shape.startswith(("vault", "flat")):
             kind = f"with shape '{self.shape}'" if self.shape else "without a shape"
-            raise SurfaceError(f"a load of kind 'wind' {kind} does not use {' and '.join(unused)}; remove the key")
-
-    @property
-    def _on_walls(self) -> bool:
-        return self.shape.startswith(("vault", "flat"))
+            raise SurfaceError(f"a load of kind 'wind' {kind} does not use eaves; remove the key")
 
     def _on_faces(self, along: Floats) -> Floats:
         """Return the coefficients (m,) of walls. along : (m,) n . d of each face."""
@@ -160,7 +153,7 @@ class Wind:
         return np.where(np.abs(along) <= EDGE_ON, 0.0, c)
 
     def _on_roofs(self, surface: Surface, picked: Bools, normals: Floats, along: Floats) -> Floats:
-        c = self._on_faces(along) if self._on_walls else np.zeros(surface.m)
+        c = self._on_faces(along)
         for profile in RoofProfile.of_roofs(surface, picked, normals, self.direction, "wind"):
             if self.shape.startswith("vault"):
                 on_roof = vault_pressure(profile, self.eaves, suction=self.shape == "vault up")

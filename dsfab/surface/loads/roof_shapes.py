@@ -132,11 +132,16 @@ def roofs(surface: Surface, faces: Bools, normals: Floats) -> list[Bools]:
 
 
 def side_of_plan(surface: Surface) -> Floats:
-    """Return the direction (3,) of a side of the smallest rectangle around the plan."""
+    """Return the direction (3,) of a side of the smallest rectangle around the plan; of a plane wall, its own."""
+    from scipy.spatial import QhullError
     from trimesh.bounds import oriented_bounds_2D
 
-    to_rectangle, _ = oriented_bounds_2D(surface.V[:, :2])
-    return np.array([*to_rectangle[0, :2], 0.0])
+    plan = surface.V[:, :2]
+    try:
+        side = oriented_bounds_2D(plan)[0][0, :2]
+    except QhullError:
+        side = np.linalg.svd(plan - plan.mean(axis=0), full_matrices=False)[2][0]
+    return np.array([*side, 0.0])
 
 
 def _straightness(x: Floats, y: Floats, weights: Floats) -> float:

@@ -17,7 +17,7 @@ from dsfab.surface.loads.load_case import Load
 LIGHT, HEAVY = 0.9, 1.1
 """Factors in static equilibrium of permanent loads that hold the structure down, and of those that lift it
 [EN 1990:2002, table A1.2(A)]. National factors of a preset do not change them."""
-COMMON = "permanent loads"  # case of the permanent loads that all cases repeat
+COMMON = "(permanent loads)"  # case of the permanent loads that all cases repeat; no preset can have this name
 
 
 @dataclass(frozen=True)
@@ -39,23 +39,23 @@ class LiftingRule:
     def for_loads(
         cls, loads: Sequence[Load], actions: Mapping[str, ActionKind], factors: DesignFactors
     ) -> "LiftingRule":
-        """Return the rule for the loads of a preset. Loads that do not show their kind count as leading variable loads:
-        they may lift, and never hold down. If cases have permanent and variable loads together, permanent loads that
-        all these cases repeat count once."""
-        pairs = list(zip(loads_by_action(loads, actions), loads, strict=True))
-        is_mixed = any(load.case != origin.case for load, origin in pairs)
-        common = _common_loads(pairs, actions) if is_mixed else []
+        """Return the rule for the loads of a preset. Loads that do not show their kind count one by one as leading
+        variable loads: they may lift, and never hold down. Permanent loads that cases repeat count once."""
+        pairs = _separated(loads, actions)
+        sets = _permanent_sets(pairs, actions)
+        regroup = any(load.case != origin.case for load, origin in pairs) or len(sets) > 1
+        common = _repeated(sets) if regroup else []
         acting: list[Load] = [replace(load, case=COMMON) for load in common]
         kinds: dict[str, ActionKind] = {COMMON: "permanent"}
         optional = dict[str, None]()
         for load, origin in pairs:
             kind = action_kind(origin, actions)
-            if not (is_mixed and kind == "permanent"):
+            if not (regroup and kind == "permanent"):
                 acting.append(load)
                 kinds |= {load.case: kind} if kind else {}
             elif _bare(origin) not in common:
-                optional[f"{origin.case} permanent"] = None
-                acting.append(replace(origin, case=f"{origin.case} permanent"))
+                optional[f"{origin.case}: permanent"] = None
+                acting.append(replace(origin, case=f"{origin.case}: permanent"))
         cases = [load for load in acting if load.case not in optional]
         permanent, groups = permanent_and_groups(cases, kinds, factors.psi)
         variable = tuple(tuple(item for item in group if item is not None) for group in groups)
@@ -81,15 +81,44 @@ def _bare(load: Load) -> Load:
     return replace(load, case=COMMON, name="")
 
 
-def _common_loads(pairs: Sequence[tuple[Load, Load]], actions: Mapping[str, ActionKind]) -> list[Load]:
-    """Return the permanent loads that each case with permanent and variable loads repeats. Cases that only have
-    permanent loads count together as one further case."""
+def _separated(loads: Sequence[Load], actions: Mapping[str, ActionKind]) -> list[tuple[Load, Load]]:
+    """Return each load with the name of its separate case, and as it is in the preset."""
+    pairs = list(zip(loads_by_action(loads, actions), loads, strict=True))
+    names = [load.case for load in loads]
+    return [
+        (replace(load, case=f"{origin.case}: {origin.kind} {k}"), origin)
+        if action_kind(origin, actions) is None and names.count(origin.case) > 1
+        else (load, origin)
+        for k, (load, origin) in enumerate(pairs)
+    ]
+
+
+def _permanent_sets(pairs: Sequence[tuple[Load, Load]], actions: Mapping[str, ActionKind]) -> list[list[Load]]:
+    """Return sets of permanent loads that act together: those of each case that also has variable loads, and those of
+    all other cases together. A case of permanent loads that repeats a load of another case is a set of its own."""
     by_case: dict[str, list[Load]] = {}
-    for load, origin in pairs:
+    for _, origin in pairs:
         if action_kind(origin, actions) == "permanent":
-            by_case.setdefault(origin.case if load.case != origin.case else "", []).append(_bare(origin))
-    shortest = min(by_case.values(), key=len, default=[])
-    return [load for load in shortest if all(load in of_case for of_case in by_case.values())]
+            by_case.setdefault(origin.case, []).append(_bare(origin))
+    alone = {
+        case: loads
+        for case, loads in by_case.items()
+        if all(load.case == origin.case for load, origin in pairs if origin.case == case)
+        and not any(load in other for name, other in by_case.items() if name != case for load in loads)
+    }
+    added = [load for loads in alone.values() for load in loads]
+    sets = [loads for case, loads in by_case.items() if case not in alone]
+    return sets or ([added] if added else [])
+
+
+def _repeated(sets: Sequence[list[Load]]) -> list[Load]:
+    """Return the loads that are in each set, as often as in the set with the fewest of them."""
+    smallest = min(sets, key=len, default=[])
+    return [
+        load
+        for k, load in enumerate(smallest)
+        if all(smallest[: k + 1].count(load) <= loads.count(load) for loads in sets)
+    ]
 
 
 def _differences(
