@@ -90,8 +90,7 @@ class EvenStripes:
     phases  : for each family, a phase that is a whole number on every line before halving.
     wanted  : wanted[i][k] (m,) is the fraction of each face where family i is halved at most k times.
     slope   : (n, 2) lines per metre before halving.    density : (n, 2) lines per metre after halving.
-    first   : the family, 0 or 1, that is halved first.
-    chart   : surface divided at ends of lines.
+    first   : the family, 0 or 1, that is halved first.    chart : surface divided at ends of lines.
     forces   : (m, 2) principal stresses that the stripes follow, Pa; None for stresses of the uncut sheet."""
 
     phases: tuple[CornerPhase, CornerPhase]
@@ -108,8 +107,7 @@ class EvenStripes:
 class Candidate(NamedTuple):
     """A trial for preset values that are `auto`: modes and phases of the major and of the minor stripes.
     compliance : joules; infinite for a refused trial.    over_uncut : compliance / that of the uncut sheet.
-    kept       : share of the surface that is material.
-    whole      : share of the material in the largest supported piece.
+    kept       : share of the surface that is material.    whole : share of the material in the largest supported piece.
     refused    : reason to refuse the trial, or ''."""
 
     mode: tuple[int, int]

@@ -122,8 +122,7 @@ def _edge_overrides(name: str, source: Source, vertex_counts: tuple[int, ...]) -
     edge = getattr(surface, "edge", None)
     if not edge:
         raise DsfabError(
-            f"preset {name} has no surface.edge for --scaling; choose a preset with a shape, or add "
-            "--set surface.edge=0.3"
+            f"preset {name} has no surface.edge for --scaling; use a preset with a shape, or add --set surface.edge=0.3"
         )
     current_count = surface.build().n  # the number of vertices grows with 1 / edge^2
     return [(f"surface.edge={edge * (current_count / n) ** 0.5:.6g}",) for n in vertex_counts]

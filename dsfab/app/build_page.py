@@ -53,8 +53,7 @@ class BuildPage:
             self._count += 1 + line.count("\n")
 
     def announcements(self, design: "Design", reporter: Reporter, picture: bool) -> "Announcements":
-        """Return functions that print the verdict and the path of the picture.
-        picture : False if the build draws no picture."""
+        """Return functions that print the verdict and the picture's path. picture : False if the build draws none."""
         from dsfab.report.design.save import Announcements
 
         def print_verdict(judged: "Carrying") -> None:

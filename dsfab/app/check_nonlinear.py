@@ -93,8 +93,7 @@ def nonlinear_lines(result: "NonlinearCheck") -> Iterator[str]:
         return
     situation = "under its load" if result.limit >= 1 or not result.given_way else "where it gives way"
     yield (
-        f"largest displacement {situation}: {length(result.moved)}; this check assumes elastic material and ignores "
-        f"the strength of the material"
+        f"largest displacement {situation}: {length(result.moved)}; this check assumes elasticity and ignores strength"
     )
     steps = range(0, len(result.load), max(len(result.load) // 10, 1))
     yield "  times its load  " + "  ".join(f"{result.load[k]:>8.3g}" for k in steps)

@@ -110,10 +110,7 @@ def _spread_line(competitor: "Competitor", result: "Comparison") -> str:
     assert spread is not None
     best, worst, mean = (f"{value / full:.3g}" for value in (spread.best, spread.worst, spread.mean))
     words = f"{competitor.name}: {spread.carried} of {spread.tried} variants carry the loads"
-    return (
-        f"{words}; the compliance of these variants is {best} to {worst} times that of the full sheet, {mean} times "
-        f"on average"
-    )
+    return f"{words}; their compliance is {best} to {worst} times that of the full sheet, {mean} times on average"
 
 
 ComparisonAtShare = tuple[float | None, "Comparison"]  # Share of material, None for the design's own share.

@@ -58,8 +58,7 @@ SheetName = Literal["uncut", "cut"]
 
 @dataclass(frozen=True)
 class ExportRequest:
-    """A request to write a file.
-    suffix : suffix of the file format.    sheet : the sheet to write, cut or uncut; None to write the solid."""
+    """A request to write a file. suffix : its suffix.    sheet : sheet to write, cut or uncut; None for the solid."""
 
     suffix: str
     path: Path
@@ -107,8 +106,7 @@ def export(
 
 
 def write_file(preset: "Preset", built: "Design | None", request: ExportRequest, progress: Progress) -> list[str]:
-    """Write the requested file; return lines of text about the file. Raises DsfabError.
-    built : existing design of the preset, or None."""
+    """Write the requested file; return lines about it. built : existing design, or None. Raises DsfabError."""
     if request.suffix == ".member_utilisation.csv":
         preset.statics.require_strength()
     if request.suffix == CALCULIX_SUFFIX:

@@ -57,14 +57,12 @@ def picture_size(text: str) -> tuple[int, int]:
         if all(SMALLEST <= side <= LARGEST for side in (width, height)):
             return width, height
     raise DsfabError(
-        f"--size {text!r} is not WIDTHxHEIGHT with sides of {SMALLEST} to {LARGEST} pixels; write for instance "
-        f"1600x1200"
+        f"--size {text!r} is not WIDTHxHEIGHT with sides of {SMALLEST} to {LARGEST} pixels, such as 1600x1200"
     )
 
 
 def built_folder(name: str) -> Path | None:
-    """Return the path of a folder that `dsfab build` wrote; None for a preset or a file.
-    Raises PresetError for any other folder."""
+    """Return the path of a folder of `dsfab build`; None for a preset or file. Raises PresetError for other folders."""
     from dsfab.core.toml_files import shipped_presets
 
     folder = Path(name)
@@ -142,8 +140,7 @@ class Source(MeshFlags):
     def read_preset(
         self, name: str, proposal: "Proposal | None" = None, thickness: Literal["sized", "guessed", "open"] = "sized"
     ) -> "Preset":
-        """Return the preset of a name or file, with the changes of these options.
-        proposal  : proposed preset for a mesh, if known.
+        """Return the preset of a name or file, with these options' changes. proposal : proposed preset for a mesh.
         thickness : what replaces the thickness `auto`: "sized" a computed value, "guessed" a guess, "open" nothing.
         Raises PresetError for an unknown or invalid preset."""
         from dsfab.preset.file import load_preset, require_mesh, with_overrides
@@ -184,8 +181,7 @@ class Source(MeshFlags):
     def _require_no_wishes(self, name: str) -> None:
         if self.stand or self.built_in or self.load:
             raise PresetError(
-                f"{name} is a preset, which states supports and loads; --stand, --built-in and --load need a mesh "
-                f"file instead"
+                f"{name} is a preset, which states supports and loads; --stand, --built-in and --load need a mesh file"
             )
 
     def overrides(self) -> dict[str, Any]:

@@ -79,8 +79,7 @@ class PictureOptions:
         str | None,
         Parameter(
             help="What to add to the picture, a comma list: loads, supports, reactions, person, tree, gradients (of "
-            "modes); or all, none "
-            "[loads,supports,person]."
+            "modes); or all, none [loads,supports,person]."
         ),
     ] = None
     ground: Annotated[str, Parameter(help="paper, white or transparent.")] = "paper"
@@ -93,8 +92,7 @@ class PictureOptions:
     ] = None
 
     def page(self, preset: "Preset", folder: Path = Path()) -> PreviewPage:
-        """Return the description of the requested picture file. Raises DsfabError for an invalid option.
-        folder : folder of the file by default."""
+        """Return the requested picture's description. folder : default folder. Raises DsfabError for a bad option."""
         from dsfab.render.drawing import check_ground
 
         names = (self.show.strip(),) if self.show.strip() in FINISHED_PICTURES else picture_names(self.show, preset)

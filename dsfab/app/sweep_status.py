@@ -22,8 +22,7 @@ from dsfab.study.variations import short_names, spelled_value
 
 
 class SweepProgress:
-    """Printer of the progress of a sweep on standard error.
-    limits : conditions that the best run must meet."""
+    """Printer of the progress of a sweep on standard error. limits : conditions that the best run must meet."""
 
     def __init__(self, quiet: bool, metric: str, limits: Sequence[Constraint] = ()) -> None:
         self._console = Console(stderr=True, highlight=False, soft_wrap=True, quiet=quiet)
@@ -33,8 +32,7 @@ class SweepProgress:
         self._told = 0.0
 
     def add_run(self, number: int, metrics: Mapping[str, float]) -> None:
-        """Compare a finished run with the best run so far.
-        metrics : measured values of the run, by name."""
+        """Compare a finished run with the best run so far. metrics : measured values of the run, by name."""
         value = metrics.get(self._metric, float("nan"))
         if not isfinite(value) or not all(limit.holds(metrics) for limit in self._limits):
             return
@@ -86,8 +84,7 @@ class SweepProgress:
 
 def list_or_build_run(path: Path, best_count: int | None, by: str | None, number: int | None, quiet: bool) -> int:
     """Build run `number` of a sweep; if `number` is None, print the best runs. Return the exit code.
-    by : metric that orders the runs.
-    Raises DsfabError for a missing sweep or run."""
+    by : metric that orders the runs. Raises DsfabError for a missing sweep or run."""
     sweep = SweepFolder.from_folder(path)
     if number is None:
         print_result(_best_runs_table(sweep, best_count or 0, by))

@@ -25,8 +25,7 @@ CALIBRATION_HEAD = (
 
 
 def calibrate(folder: Path, as_json: bool) -> int:
-    """Test the error bounds of `dsfab compare` on random designs; write calibration.json and calibration.csv.
-    Return the exit code."""
+    """Test error bounds of `dsfab compare` on random designs; write calibration.json and .csv; return the exit code."""
     from dsfab.study.verdict.calibration import calibrate as measured
     from dsfab.study.verdict.calibration import summary, table_text
 

@@ -116,8 +116,7 @@ def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
     if plan.graph is None:
         raise PatternError(
             "parts of a flat design belong to no member, because dsfab cuts this design as one sheet; leave out "
-            "--ifc, or write "
-            "the members with: dsfab export ... --to members.ifc"
+            "--ifc, or write the members with: dsfab export ... --to members.ifc"
         )
     details = body_details(design)
     details = replace(

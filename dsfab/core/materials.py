@@ -146,8 +146,7 @@ def material_named(name: str) -> NamedMaterial:
     by_lower_name = {label.lower(): material for label, material in MATERIALS.items()}
     if key in by_lower_name:
         return by_lower_name[key]
-    # the search ignores capitals, but the hint shows them
-    hint = did_you_mean(key, by_lower_name)
+    hint = did_you_mean(key, by_lower_name)  # the search ignores capitals, but the hint shows them
     for small, material in by_lower_name.items():
         hint = hint.replace(f" {small}?", f" {material.name}?")
     raise PresetError(

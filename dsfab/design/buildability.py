@@ -25,16 +25,14 @@ NEVERTHELESS = "(statics.check = false switches this check off)"
 
 
 class Objection(NamedTuple):
-    """A fault of a design, as a text.
-    refuses : True if dsfab refuses to build a design with this fault."""
+    """A fault of a design, as a text. refuses : True if dsfab refuses to build a design with this fault."""
 
     text: str
     refuses: bool = True
 
 
 def objections(preset: Preset, surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
-    """Yield the faults of an uncut sheet after its statics are solved, the most serious first.
-    cases : results by name of the load case."""
+    """Yield the faults of a solved uncut sheet, the most serious first. cases : results by name of the load case."""
     acting, weight = acting_on(preset, surface), preset.statics.area_weight
     yield from _moving(surface, cases)
     if point := _on_one_vertex(surface, acting, cases):

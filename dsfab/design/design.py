@@ -66,8 +66,7 @@ RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}  # De
 
 @dataclass
 class StageResults:
-    """The results of a design by name; each is computed once.
-    results : results of the stages.
+    """The results of a design by name; each is computed once. results : results of the stages.
     derived : values computed from `results`, each with the last stage that it depends on. Pickle omits these values.
     inputs  : large intermediate values, each with the stage that needs the value and then deletes it.
     A revised design takes over `results` and `derived` of the stages before the first changed preset section."""
@@ -128,9 +127,8 @@ def _computed_once(held: dict[str, tuple[str, Any]], stage: str, name: str, comp
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Design:
-    """A preset and the results of its stages, computed on first access.
-    surface, statics, diffusion, pattern, slicing and solid raise the DsfabError of their stage. `dsfab.run` computes
-    all results. `dsfab.revise` returns a changed design."""
+    """A preset and the results of its stages, computed on first access. Results raise the DsfabError of their stage.
+    `dsfab.run` computes all results. `dsfab.revise` returns a changed design."""
 
     preset: Preset
     _log: Log = field(default_factory=lambda: Log(None))
@@ -481,7 +479,6 @@ def revise(design: Design, preset: Preset, progress: Progress | None = None) -> 
 
 
 def draft(preset: Preset, progress: Progress | None = None, earlier: Design | None = None) -> Design:
-    """Return a design whose stages up to the pattern are computed; the surface is not cut.
-    earlier : earlier design, which gives the results of unchanged stages.
-    Raises the DsfabError of the stage that fails."""
+    """Return a design that is computed up to the pattern; the surface is not cut. Raises the DsfabError of its stages.
+    earlier : earlier design, which gives the results of unchanged stages."""
     return Design.from_preset(preset, earlier, progress).until("pattern")

@@ -99,15 +99,13 @@ def _unclear_direction_message(share: float, labelling: Labelling) -> str:
     return (
         f"{share:.0%} of the surface has no clear stress direction, because the first principal stress is {alike} as "
         f"the second: there stripes take the direction of nearby stripes; with diffusion.isotropy = 0, stripes follow "
-        f"even "
-        f"the smallest difference of the stresses{hint}"
+        f"even the smallest difference of the stresses{hint}"
     )
 
 
 @dataclass(frozen=True, eq=False)
 class Steering:
-    """Changes of stripe directions by the user.
-    turn     : angle from the principal stress to the stripes, radians.
+    """Changes of stripe directions by the user. turn : angle from the principal stress to the stripes, radians.
     guidance : guides (curves that steer stripes).    symmetry : symmetry of the changed directions, or None.
     told     : note for the user, or ''.    loops : surroundings of supported boundary loops."""
 
@@ -153,8 +151,7 @@ def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacin
     if oblique and one_sided_pieces(frames.surface.F, frames.surface.edges).any():
         raise PatternError(
             f"pattern.rotate = {options.rotate:g} is impossible, because left and right are not defined on a "
-            f"one-sided surface, such as a Moebius "
-            "strip; use 0 or 90"
+            f"one-sided surface, such as a Moebius strip; use 0 or 90"
         )
     guidance = Guidance.from_guides(frames, options.guide, spacing)
     group, message = symmetry, ""

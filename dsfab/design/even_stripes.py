@@ -46,8 +46,7 @@ SLOPES = (0.6, 1.6)  # Limits of the actual number of stripes per metre, divided
 class FamilyLines:
     """The centre lines of a family of stripes. A halving removes every second line from a part of the surface.
     most  : largest number of halvings.    wish : (m,) wanted number of halvings on each face, 0 to `most`.
-    free  : (m,) wanted number of halvings on each face, without limits.
-    slope : (n,) lines per metre at each vertex, before halvings.
+    free  : (m,) `wish` without limits.    slope : (n,) lines per metre at each vertex, before halvings.
     grown : mean number of lines per metre before halvings, divided by the wanted number."""
 
     phase: CornerPhase
@@ -60,8 +59,7 @@ class FamilyLines:
 
 @dataclass(frozen=True, eq=False)
 class StripeDirections:
-    """Directions of the major and of the minor stripes.
-    along      : (n, 3) directions of the major stripes at vertices.
+    """Directions of the major and of the minor stripes. along : (n, 3) directions of the major stripes at vertices.
     steered    : record of how the stripes differ from the stress directions; None if they do not differ.
     confidence : (m,) how clear the direction of each face is, 0 to 1.
     moved      : (n,) size of the displacement of each vertex under the loads, in any unit."""
@@ -146,8 +144,7 @@ def stripe_directions(
     if not options.is_steered:
         # smoothing over the full mean edge length would join separate regions
         crossed = _crossed_over(options, frames, smooth(stress, 0.6 * frames.surface.mean_edge), images)
-        # a smaller region has no space for two members
-        crossed = crossed & (_region_areas(frames, crossed) > (2.0 * length) ** 2)
+        crossed = crossed & (_region_areas(frames, crossed) > (2.0 * length) ** 2)  # space for two members
         stress = _exchanged_on(stress, crossed[frames.surface.F].mean(axis=1) > 0.5)
     along = smooth(stress, length)
     crossed_after = _crossed_over(options, frames, along, images)
@@ -341,8 +338,7 @@ def _refuse_impossible(name: str, spacing: float, surface: Surface) -> None:
         raise PatternError(
             f"pattern.{name}.spacing = {spacing:.4g} m is too fine for this mesh, whose mean edge length is "
             f"{surface.mean_edge:.3g} m; set a spacing of {_digits(FINEST * surface.mean_edge)} m or more, or make "
-            f"the mesh finer "
-            "(surface.edge or surface.refine)"
+            f"the mesh finer (surface.edge or surface.refine)"
         )
     if spacing > surface.size:
         raise _too_far_error(name, spacing, surface)

@@ -211,8 +211,7 @@ def methods(preset: Preset) -> list[tuple[str, bool]]:
 def method_candidates(
     preset: Preset, analysis: StressedSurface, log: Log, method: str, halve: bool
 ) -> Iterator[MethodCandidate]:
-    """Yield a candidate for each width rule. method : pattern method, "stripes" or "modes".
-    halve : True if every second stripe may end."""
+    """Yield a candidate for each width rule. method : "stripes" or "modes".    halve : every second stripe may end."""
     title = {"modes": "modes", "stripes": "halved stripes" if halve else "stripes"}[method]
     variant_preset = preset.with_pattern(method=method, halve=halve, weight_rounds=0)
     if method == "modes":

@@ -55,10 +55,9 @@ class DesignDraft(NamedTuple):
 def measured_pattern(
     design: PatternedDesign, symmetry: bool = True, cells: Sheet | None = None, sheet: Sheet | None = None
 ) -> PatternQuality:
-    """Return the quality of a pattern.
-    symmetry : True to measure the symmetry error, too, which takes longest.
-    cells    : all cells of the cut surface (material and openings); None before the cut.
-    sheet    : the cut sheet; default: all material of `cells`."""
+    """Return the quality of a pattern. symmetry : True to measure the symmetry error, too, which takes longest.
+    cells : all cells of the cut surface (material and openings); None before the cut.
+    sheet : the cut sheet; default: all material of `cells`."""
     chart = pattern_chart(design)
     stripes = pattern_on_chart(design.surface, chart, design.pattern)
     followed = followed_directions(design)

@@ -167,8 +167,7 @@ def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: C
 
 
 def sketched_pattern(analysis: StressedSurface, chosen: ChosenMethod) -> PatternResult:
-    """Return stripes with approximate widths, for a first picture.
-    Raises PatternError if no width gives the requested fraction of material."""
+    """Return stripes with approximate widths. Raises PatternError if no width gives the requested share of material."""
     candidate = chosen.way
     return sketched_step(candidate.preset, analysis, candidate.choice, candidate.grading, candidate.even)
 

@@ -154,8 +154,7 @@ def _check_pieces(preset: Preset, before: Surface, after: Surface) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Loading:
-    """A load case or a combination.
-    name    : name of the case or combination; '' for the sum of all cases.
+    """A load case or a combination. name : name of the case or combination; '' for the sum of all cases.
     load    : supports, and forces on vertices.    spread : loads that are constant on each face or edge.
     factors : factor of each case in a combination, by case name; None for a case."""
 

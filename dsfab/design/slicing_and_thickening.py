@@ -173,8 +173,7 @@ FILLED_PLATE = 5  # Smallest number of neighbouring filled openings that form a 
 def slicing_step(
     preset: Preset, surface: Surface, statics: StaticsResult, pattern: PatternResult, log: Log
 ) -> SlicingResult:
-    """Cut the surface (stage 5): return all cells of the cut, and the sheet of material.
-    Raises PatternError if no material is left."""
+    """Cut the surface (stage 5): return all cells, and the sheet of material. Raises PatternError without material."""
     options = preset.slicing
     with log.stage("slicing", f"cutting {surface.m:,} triangles"):
         finishing, trial = finishing_options(preset, surface, pattern), pattern.trial
@@ -297,8 +296,7 @@ def _refuse_loose(preset: Preset, sheet: Sheet, all_pieces: tuple[Piece, ...], l
         x, y, z = sheet.surface.centroids[int((label == largest).argmax())]
         raise PatternError(
             f"{len(loose)} of {len(all_pieces)} pieces reach no support, the largest "
-            f"({all_pieces[largest].area:.3g} m2) near "
-            f"({x:.3g}, {y:.3g}, {z:.3g}) m"
+            f"({all_pieces[largest].area:.3g} m2) near ({x:.3g}, {y:.3g}, {z:.3g}) m"
             + (
                 _one_family_hint(preset)
                 or "; lower the thresholds of the stripes, or set pattern.rim, pattern.keep or slicing.loose"
@@ -365,8 +363,7 @@ def checked_offsets(preset: Preset, surface: Surface) -> Offsets:
 
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:
-    """Thicken the sheet to a solid (stage 6).
-    Raises SolidError if the surface bends too sharply for the thickness."""
+    """Thicken the sheet to a solid (stage 6). Raises SolidError if the surface bends too sharply for the thickness."""
     options = preset.thickening
     with log.stage("thickening", f"thickening {slicing.sheet.surface.m:,} triangles"):
         offset = checked_offsets(preset, surface)

@@ -164,11 +164,9 @@ SHARE_SNAP = 0.05  # Default of slicing.snap, for cuts that only measure the sha
 
 
 class WidthSearch(NamedTuple):
-    """Options of the search for widths.
-    share     : function that returns the fraction of the surface that layers cover.
+    """Options of the search for widths. share : function that returns the fraction of the surface that layers cover.
     tolerance : largest error of this fraction.    guess : expected factor on widths, or 0.
-    counted   : function like `share`, faster and less accurate, or None.
-    added     : fraction of the surface that finishing will add."""
+    counted   : faster, less accurate `share`, or None.    added : fraction of the surface that finishing will add."""
 
     share: Callable[[Sequence[Layer]], float]
     tolerance: float
@@ -269,8 +267,7 @@ def sketched_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern with approximate widths of stripes.
-    grading : (n, f) relative half-widths of f families of stripes."""
+    """Return the pattern with approximate widths. grading : (n, f) relative half-widths of f families of stripes."""
     surface = analysis.surface
     kept_layers = kept_regions(preset, surface, analysis.load, even)
     families = drawable_families(preset, analysis, member_widths(preset, surface).radius, grading, even)
@@ -413,8 +410,7 @@ def drawable_families(
     """Return the major and minor families of stripes, along the first and second principal stress.
     radius  : radius (m) of the disc over which the number of stripes per metre is averaged.
     grading : (n, f) relative half-widths of f families, for the width rule `stressed`.
-    even    : evenly spaced stripes; None for stripes of diffusion modes.
-    Raises PatternError for a mode that was not computed."""
+    even    : evenly spaced stripes; None for modes. Raises PatternError for a mode that was not computed."""
     surface, diffusion = analysis.surface, analysis.diffusion
     options, families = preset.pattern, list[DrawableFamily]()
     stress: list[Floats | None] = [None] * len(options.family_names)
@@ -441,8 +437,7 @@ def drawable_families(
 
 
 def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStripes | None) -> Floats:
-    """Return the absolute stress (n, 2) along the major and minor stripes, divided by its mean.
-    Raises PatternError if the stress is zero."""
+    """Return |stress| (n, 2) along major and minor stripes, divided by its mean. Raises PatternError if it is zero."""
     sizes = np.abs(even.forces if even is not None and even.forces is not None else diffusion.tensors.principal)
     if even is not None and even.steered:
         along = even.steered.along[:, None]
@@ -477,7 +472,4 @@ def _solved_width_message(preset: Preset, widths: Widths, factor: float, share: 
     message = f"{became} for solid_fraction = {options.width.solid_fraction:.1%}"
     if abs(share - options.width.solid_fraction) <= SHARE_TOLERANCE:
         return message
-    return (
-        f"{message}; {share:.2%} is the nearest possible share, because the share of material jumps when ends of "
-        f"members appear"
-    )
+    return f"{message}; {share:.2%} is the nearest possible share, because the share jumps when ends of members appear"

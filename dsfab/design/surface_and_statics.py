@@ -55,9 +55,8 @@ from dsfab.surface.loads.load_case import picked_faces
 
 @dataclass(frozen=True, eq=False)
 class SolvedSheet:
-    """Solution of a sheet under all loads.
-    acting  : load cases and combinations.    plane : True for a flat sheet that is loaded in its plane.
-    made    : stiffness matrix (N, N), N/m, by kind of finite elements.
+    """Solution of a sheet under all loads. plane : True for a flat sheet that is loaded in its plane.
+    acting  : load cases and combinations.    made : stiffness matrix (N, N), N/m, by kind of finite elements.
     answers : equilibrium under each load.    sigma : (m, 3, 3) stress of the middle surface under each load, Pa."""
 
     acting: Sequence[Loading]
@@ -100,8 +99,7 @@ MOST_VERTICES = 200_000
 
 
 def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log, rough: bool = False) -> list[Answers]:
-    """Return stress, energy, frequencies and buckling of a solved sheet, for each case and combination.
-    rough : True for stress and energy only."""
+    """Return stress, energy, frequencies and buckling by case and combination; `rough` gives only stress and energy."""
     sheet = preset.statics
     model, matrices = sheet.sheet().model_for(surface), dict(solved.made)
 
@@ -215,10 +213,7 @@ def followed_layers(
     share = bending_share(preset, surface, acting, answers)
     if option == "layers" or (option == "auto" and share >= BENDING_SHARE):
         stresses = _moment_stresses(preset, surface, acting, answers)
-        message = (
-            f"the pattern follows the stress in all layers through the thickness; bending stores {share:.0%} of the "
-            f"sheet's energy"
-        )
+        message = f"the pattern follows the stress in all layers of the sheet; bending stores {share:.0%} of its energy"
         layered = [layer_stress(surface, s.tensor("middle"), _bending_stress(s)) for s in stresses]
         return FollowedStress(sigma, layered, message)
     if option == "membrane" and share >= BENDING_SHARE:
@@ -407,8 +402,7 @@ def base_surface(preset: Preset, log: Log | None = None) -> Surface:
     if log:
         log.note(
             "surface",
-            f"the surface has {surface.m:,} triangles instead of {even.m:,}, with small triangles "
-            f"where the stress changes",
+            f"the surface has {surface.m:,} triangles, not {even.m:,}, with small triangles where the stress changes",
         )
     return surface
 

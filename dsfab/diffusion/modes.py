@@ -23,15 +23,13 @@ CLEAR_MOMENT = 1e-2
 @one_blas_thread()
 def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Sequence[Floats] = ()) -> Floats:
     """Return right-handed orthonormal axes (3, 3), in rows. If the surface rotates, the axes rotate with it.
-    weights : arrays (n,) of vertex weights, not negative.
-    vectors : vectors (3,), such as the resultant of the loads.
+    weights : arrays (n,) of vertex weights, >= 0.    vectors : vectors (3,), such as the resultant of the loads.
 
     The first two axes come from the first of these directions that are not zero and not parallel:
     1. the vectors
     2. the lines from the surface's centroid to the weighted centroids
     3. the mean of |x|^2 x over the area, for x from the centroid
-    4. principal axes of inertia
-    5. the axes x, y and z"""
+    4. the principal axes of inertia, then x, y and z"""
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
     measures = [mass, *(mass * weight for weight in weights if (mass * weight).sum() > 0)]
@@ -79,9 +77,8 @@ SPARE = 2
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Modes of one diffusion operator, without the constant modes.
-    lam : (k,) eigenvalues, 1/m2, ascending.
-    X   : (n, k) values at the vertices: X^T M X = (area / 4 pi) I, with the Voronoi mass M."""
+    """Modes of one diffusion operator, without the constant modes. lam : (k,) eigenvalues, 1/m2, ascending.
+    X : (n, k) values at the vertices: X^T M X = (area / 4 pi) I, with the Voronoi mass M."""
 
     lam: Floats
     X: Floats
@@ -105,8 +102,7 @@ def diffusion_modes(
     surface: Surface, L: csr_array, k: int = 5, axes: Floats | None = None, symmetry: Symmetry | None = None
 ) -> Modes:
     """Return the first k modes of L x = lambda M x that are not constant [paper, section 3.4]; M is the Voronoi mass.
-    axes     : (3, 3) axes in rows, which determine the signs of the modes.
-    symmetry : if not None, return only modes with this symmetry.
+    axes     : (3, 3) axes in rows, for the signs of the modes.    symmetry : symmetry of all returned modes, or None.
     Raises PatternError if the mesh has too few vertices for k modes."""
     return family_modes(surface, [L], k, axes, symmetry)[0]
 
@@ -118,8 +114,7 @@ def family_modes(
     axes: Floats | None = None,
     symmetry: Symmetry | None = None,
 ) -> list[Modes]:
-    """Return the first k modes of each operator (n, n) on a surface; see `diffusion_modes`.
-    All operators must have the same sparsity pattern."""
+    """Return the first k modes of each operator (n, n); all have the same sparsity pattern. See `diffusion_modes`."""
     mass = voronoi_mass(surface)
     axes = reference_axes(surface) if axes is None else axes
     families, solve = [], None

@@ -38,8 +38,7 @@ SAMPLE_POINTS = 100  # Approximate number of points in quick checks, which come 
 
 @dataclass(frozen=True, eq=False)
 class Symmetry:
-    """A group of g rotations and mirrors about the centroid of a surface.
-    R     : (g, 3, 3) orthogonal matrices, the identity first.
+    """A group of g rotations and mirrors about a surface's centroid. R : (g, 3, 3) orthogonal, the identity first.
     maps  : g sparse (n, n) matrices. maps[i] @ x is the field x at the images of the vertices under R[i].
     faces : (g, m) face on which the image of each face's centroid lies."""
 
@@ -129,8 +128,7 @@ def checked_symmetry(
 
 def _symmetry_error(words: str, subject: str, finding: str) -> PatternError:
     return PatternError(
-        f"diffusion.symmetry = {words}, but {subject} not symmetric: {finding}; correct the model, or set fewer "
-        f"symmetries"
+        f"diffusion.symmetry = {words}, but {subject} not symmetric: {finding}; fix the model, or set fewer symmetries"
     )
 
 

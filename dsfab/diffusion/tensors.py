@@ -71,9 +71,8 @@ def diffusion_tensors(
     isotropy: float = ISOTROPY,
 ) -> DiffusionTensors:
     """Return tensors with the principal directions of the stress and eigenvalues r and 1 (Madan et al., section 3.3).
-    sigma     : (m, 3, 3) stress, Pa, tangent to the faces.
+    sigma     : (m, 3, 3) stress, Pa, tangent to the faces.    gamma : factor on the stress.
     r         : anisotropy, >= 1; 1 gives the Laplacian.
-    gamma     : factor on the stress.
     labelling : order of the principal stresses: the larger value first (`signed`), or the larger absolute value.
     isotropy  : relative difference of principal stresses below which a face counts as isotropic."""
     stress, direction = principal_stresses(surface, sigma)

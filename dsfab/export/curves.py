@@ -403,8 +403,7 @@ def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> Rea
         box_read, box_expected = (np.array([x.min(axis=0), x.max(axis=0)]) for x in clouds)
         if not (moved := float(np.abs(box_read - box_expected).max())) <= 2 * curve_tolerance(part):
             raise ExportError(
-                f"the line {name} of {part.name!r} is {moved:.3g} mm from its place when the file is read back; write "
-                f"another format"
+                f"the line {name} of {part.name!r} is {moved:.3g} mm from its place when read back; use another format"
             )
     return ReadBack(len(curves_read), "lines", error, "length")
 
@@ -416,7 +415,6 @@ def check_length(part: Part, length_read: float) -> float:
     if not abs(length_read - expected) <= 5 * READ_BACK * expected:
         raise ExportError(
             f"the total length of the lines of {part.name!r} is {length_read:.6g} mm in the file instead of "
-            f"{expected:.6g} mm; "
-            "write another format"
+            f"{expected:.6g} mm; write another format"
         )
     return length_read / expected - 1

@@ -38,8 +38,7 @@ MISSING: dict[MemberContent, str] = {
 
 @dataclass(frozen=True)
 class Format:
-    """A file format.
-    encode  : function that yields the bytes of the file.
+    """A file format. encode : function that yields the bytes of the file.
     check   : function that reads the file back; raises ExportError if the content differs.
     prepare : function that returns the part with the format's rounding of numbers.
     ready   : function that raises ExportError if a library of the format is not installed."""
@@ -52,8 +51,7 @@ class Format:
 
 @dataclass(frozen=True)
 class MeshFormat(Format):
-    """A format for meshes.
-    sheets       : True if the format can contain an open sheet.
+    """A format for meshes. sheets : True if the format can contain an open sheet.
     alternatives : function that yields versions of the part, the best first; an ExportError for an omitted version.
     sentence     : function that returns a sentence about the chosen version.
     refusal      : function that returns the error to raise if all versions were refused."""
@@ -66,9 +64,8 @@ class MeshFormat(Format):
 
 @dataclass(frozen=True)
 class SheetFormat(Format):
-    """A format for lines on a sheet or for values at its vertices and faces (fields).
-    content : required content of the part.
-    curves  : True if the format contains smooth curves."""
+    """A format for lines on a sheet or for fields (values at its vertices and faces).
+    content : required content of the part.    curves : True if the format contains smooth curves."""
 
     content: Literal["lines", "solid and lines", "fields"] = "lines"
     curves: bool = False
@@ -76,8 +73,7 @@ class SheetFormat(Format):
 
 @dataclass(frozen=True)
 class MemberFormat(Format):
-    """A format for members, forces of members, or the beam model.
-    content  : name of the attribute of `Details` with the content of the file.
+    """A format for members, their forces, or the beam model. content : attribute of `Details` with the content.
     sentence : function that returns a sentence about the content, or ''."""
 
     content: MemberContent = field(kw_only=True)
@@ -86,8 +82,7 @@ class MemberFormat(Format):
 
 @dataclass(frozen=True)
 class Written:
-    """A file that was written and read back.
-    size : bytes.    seconds : time of writing and reading.    found : content that was read back."""
+    """A file that was written and read back in `seconds`. size : bytes.    found : content that was read back."""
 
     path: Path
     size: int
@@ -246,8 +241,7 @@ def _require_content(form: Format, part: Part, suffix: str) -> None:
         return
     if form.content == "member_forces" and details.member_forces is not None and not details.member_forces:
         raise ExportError(
-            f"no member of {part.name!r} is long enough between two nodes for a table of forces; write forces.csv "
-            f"instead"
+            f"no member of {part.name!r} is long enough between two nodes for a table of forces; write forces.csv"
         )
     if not getattr(details, form.content):
         raise ExportError(f"{part.name!r} has {MISSING[form.content]}: use design.write(...)")
@@ -282,8 +276,7 @@ def suffix_of(path: Path) -> str:
 
 
 def format_of(path: Path) -> MeshFormat | SheetFormat | MemberFormat:
-    """Return the file format for the suffix of `path`.
-    Raises ExportError for an unknown suffix."""
+    """Return the file format for the suffix of `path`. Raises ExportError for an unknown suffix."""
     suffix = suffix_of(path)
     if suffix in FORMATS:
         return FORMATS[suffix]

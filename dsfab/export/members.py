@@ -17,9 +17,8 @@ LENGTH_DIGITS, CURVATURE_DIGITS = 4, 9  # decimals of lengths (mm), and of direc
 
 @dataclass(frozen=True)
 class MemberFacts:
-    """Facts about a member for files: lengths in mm, areas in mm2, and the names of its nodes.
-    own_area     : area of the member without overlaps that count as area of crossing members.
-    counted_with : names of these crossing members."""
+    """A member for files: lengths in mm, areas in mm2, names of nodes. counted_with : names of crossing members.
+    own_area : area without overlaps that count as area of the members in `counted_with`."""
 
     member: "Member"
     length: float

@@ -28,8 +28,7 @@ NO_PAIRS.setflags(write=False)
 
 
 class DividedSheet(NamedTuple):
-    """A sheet divided into charts (parts).
-    V, F, D   : (n', 3) vertices, (m', 3) faces and (n', 3) half-thickness vectors, m.
+    """A sheet in charts (parts). V, F, D : (n', 3) vertices, (m', 3) faces and (n', 3) half-thickness vectors, m.
     chart     : (m',) number of the chart of each face.
     half_edge : (k,) half-edges on the boundary of the sheet; the number is 3 * face + corner.
     family    : (k,) number of the pattern's field that cut the sheet at each half-edge; -1 on the uncut boundary."""
@@ -43,8 +42,7 @@ class DividedSheet(NamedTuple):
 
 
 class StripedSheet(NamedTuple):
-    """A sheet divided along all edges of its stripes.
-    F       : (m, 3) triangles ("cells"), oriented as the uncut surface.
+    """A sheet divided along all edges of its stripes. F : (m, 3) "cells" (triangles), oriented as the uncut surface.
     weights : (n', n) barycentric weights on the n vertices of the uncut surface.
     label   : (m,) number of the combination of stripes on a cell.    loose : (m,) True outside of all stripes.
     seam    : (k, 2) pairs of half-edges at the cut through a one-sided surface."""
@@ -58,9 +56,8 @@ class StripedSheet(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Curved:
-    """The uncut surface of a cut sheet, and functions that divide the sheet.
+    """The uncut surface of a cut sheet, and functions that divide the sheet. D : (n, 3) half-thickness vectors, m.
     V, F  : (n, 3) vertices and (m, 3) faces of the uncut, oriented surface, m.
-    D     : (n, 3) half-thickness vectors, m.
     shift : distance of the sheet's middle from the surface, as a multiple of D: 0, 1 or -1.
     divided : function that divides the sheet by fields (n, c). Part k is the part where field k is largest.
     striped : function that divides the sheet along its stripes, or None.
@@ -83,12 +80,11 @@ class Curved:
 
 @dataclass(frozen=True, eq=False)
 class MemberShape:
-    """A member as a closed mesh and lines.
+    """A member as a closed mesh and lines. plate : True for a plate, False for a long and narrow member.
     id    : name of the member.    layer : "major", "minor", "rim", "keep" or "fill".
     V, F  : (n, 3) vertices and (m, 3) triangles, counter-clockwise seen from outside.
     axis  : (k, 3) points along the middle of the member; (0, 3) without an axis.
-    edges : points (k, 3) of each closed outline on the middle surface.
-    plate : True for a plate, False for a long and narrow member."""
+    edges : points (k, 3) of each closed outline on the middle surface."""
 
     id: str
     layer: str
@@ -123,10 +119,8 @@ class Details:
     facts     : short texts for a title block, or about `values`.
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson, as far as known.
     section_forces : section forces in the m faces of `sheet`, by load case or combination.
-    shapes    : members as bodies, m.
-    whole_members : True if crossing members lie on top of each other.
-    drawings  : drawing files of each member's parts, by the name of the member.
-    origin    : origin of the file on its site (east, north, up), m."""
+    shapes    : members as bodies, m.    whole_members : True if crossing members lie on top of each other.
+    drawings  : drawing files of parts, by member.    origin : origin of the file on its site (east, north, up), m."""
 
     lines: tuple[StructureLine, ...] = ()
     tolerance: float = 0.0
@@ -185,18 +179,15 @@ class StepOptions:
 class Part:
     """A triangle mesh and the further content of a file.
 
-    V          : (n, 3) vertices, mm.
-    F          : (m, 3) faces; of a solid, counter-clockwise seen from outside.
+    V, F       : (n, 3) vertices, mm, and (m, 3) faces; of a solid, counter-clockwise seen from outside.
     is_solid   : True for a closed mesh with a volume, False for a sheet.
     step_faces : largest number of faces of a STEP file.    step_mb : largest size, 1e6 bytes; 0: no limit.
     step       : strategy for a STEP file, as `StepOptions.route`.
     tolerance  : largest error of the curves of a planar STEP file, mm; 0 is the default.
     corners    : (k, 3) points of the outline that stay corners, mm.
-    details    : content of the file besides the mesh; lengths in millimetres.
-    note       : text about earlier changes of the mesh.
+    details    : content besides the mesh; lengths in mm.    note : text about earlier changes of the mesh.
     curved     : function that returns the sheet for smooth STEP, or None.
-    cut        : True to test a smooth file by a trial cut.
-    hurry      : factor on the limits for the work on a STEP file; 0 for no limits."""
+    cut        : True to test a smooth file by a trial cut.    hurry : factor on limits for STEP work; 0: no limits."""
 
     V: Floats
     F: Ints
@@ -250,8 +241,7 @@ def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> 
             raise ExportError(f"the solid {name!r} is open at {faults} edges; close its holes first")
         if not part.volume > 0:
             raise ExportError(
-                f"the volume of {name!r} is {part.volume:.3g} mm3, which is not positive; reverse the faces of the "
-                f"solid"
+                f"the volume of {name!r} is {part.volume:.3g} mm3, which is not positive; reverse the solid's faces"
             )
     return part
 

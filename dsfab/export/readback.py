@@ -104,8 +104,7 @@ def check_lines(part: Part, lines_read: Sequence[Floats]) -> ReadBack:
     if not abs(length_read - expected) <= READ_BACK * expected:
         raise ExportError(
             f"the total length of the lines of {part.name!r} is {length_read:.6g} mm in the file instead of "
-            f"{expected:.6g} mm; "
-            "write another format"
+            f"{expected:.6g} mm; write another format"
         )
     return ReadBack(len(lines_read), "lines", length_read / expected - 1, "length")
 
@@ -115,8 +114,7 @@ def require_equal(part: Part, what: str, expected: int | Collection[str], conten
     if content != expected:
         count, expected_count = (x if isinstance(x, int) else len(x) for x in (content, expected))
         raise ExportError(
-            f"the file of {part.name!r} reads back with {count} {what} instead of {expected_count}; write another "
-            f"format"
+            f"the file of {part.name!r} reads back with {count} {what} instead of {expected_count}; use another format"
         )
 
 
@@ -173,8 +171,7 @@ def check_shapes(part: Part, meshes_read: Mapping[str, tuple[Floats, Ints]]) -> 
         is_near = abs(volume - volume_read) <= READ_BACK * volume and moved <= READ_BACK * size
         if open_edges(F) or not is_near:
             raise ExportError(
-                f"the member {shape.id} of {part.name!r} differs when the file is read back; write .members.json "
-                f"instead"
+                f"the member {shape.id} of {part.name!r} differs when the file is read back; write .members.json"
             )
         total, total_read = total + volume, total_read + volume_read
     return ReadBack(len(meshes_read), "members", total_read / total - 1)

@@ -133,8 +133,7 @@ class LeastSquares:
         return np.stack(columns, axis=1)
 
     def poles(self, Q: Floats, start: Floats) -> Floats:
-        """Return the least-squares poles (n, d) for samples Q (k, d).
-        start : (n, d) positions of the fixed poles; the rows of free poles are 0."""
+        """Return the least-squares poles (n, d) for samples Q (k, d). start : (n, d) fixed poles; free rows are 0."""
         touches_fixed = np.zeros(len(start), dtype=bool)
         for i in range(4):
             touches_fixed[np.maximum(self.held - i, 0)] = True
@@ -161,10 +160,9 @@ def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints
 
 @dataclass(frozen=True, eq=False)
 class SplineRows:
-    """The k samples of r curves, in the order of the curves.
+    """The k samples of r curves, in the order of the curves. parts : number of points in a row of Q.
     number : (r,) number of each curve.    row : (k,) index of each sample's curve.    x, Q : parameters, points.
-    count, first, last : (r,) number of samples, first sample and last sample of each curve.
-    parts  : number of points in a row of Q."""
+    count, first, last : (r,) number of samples, first sample and last sample of each curve."""
 
     number: Ints
     count: Ints

@@ -24,8 +24,7 @@ HOLLOW : smallest distance of a centroid from the centre / largest distance."""
 
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
     """Return the order (k,) of members along a structure, from centroids (k, 3) and lengths (k,), metres.
-    size : largest dimension of the structure, metres.
-    Members of a ring are ordered counter-clockwise from the x axis, seen from above."""
+    size : largest dimension, m.    Members of a ring are ordered counter-clockwise from the x axis, seen from above."""
     if len(places) < 2:
         return np.arange(len(places))
     offset = places - places.mean(axis=0)
@@ -64,8 +63,7 @@ KINDS = ("rim", "band", "ring", "disc", "plate", "fill")
 
 
 def named_components(surface: Surface, pieces: Sequence[Component]) -> list[tuple[str, int, Component]]:
-    """Return (name, part number, component) for each piece, in the order "A01", "A02a", "A02b", ..., "B01", "rim 1".
-    The part number of "A02b" is 2."""
+    """Return (name, part number, component) for each piece, in the order "A01", "A02a", "A02b" (part 2), "rim 1"."""
     listed = list[tuple[str, int, Component]]()
     for letter, same_kind in _kinds(pieces):
         groups = _groups(same_kind) if len(letter) == 1 else [[c] for c in same_kind]

@@ -22,8 +22,7 @@ SPECK = 1.0  # Shortest middle line that is kept, in stripe widths; the stripe's
 
 @dataclass(frozen=True, eq=False)
 class MiddleLine:
-    """A polyline on a surface.
-    points  : (k, 3) points, metres; a closed line repeats its first point.
+    """A polyline on a surface. points : (k, 3) points, metres; a closed line repeats its first point.
     normals : (k, 3) unit normals.    cells : (k - 1,) number of the triangle that contains each segment."""
 
     points: Floats
@@ -183,7 +182,6 @@ KNOTS, COARSE = 4.0, 2.0  # First knot distance of an axis: the larger of KNOTS 
 @dataclass(frozen=True, eq=False)
 class MemberAxis:
     """Axis of a member: k stations along a curve on a surface; lengths in metres, curvatures per metre.
-
     s  : (k,) arc length from 0.    P : (k, 3) points.    T : (k, 3) unit tangents.    N : (k, 3) unit normals.
     kg : (k,) geodesic curvature, positive to the left: T' . B with B = N x T.
     kn : (k,) normal curvature, positive towards N: T' . N.    tg : (k,) geodesic torsion: -N' . B.
@@ -225,8 +223,7 @@ class MemberAxis:
 
 
 def fitted_axis(line: MiddleLine, width: float, edge: float) -> MemberAxis:
-    """Fit a smooth axis to a middle line.
-    width : width of the member, metres.    edge : mean length of a mesh edge, metres."""
+    """Fit a smooth axis to a middle line. width : of the member, m.    edge : mean length of a mesh edge, m."""
     step = max(KNOTS * width, COARSE * edge)
     # the tolerance shrinks with edge^2, like the error of the mesh
     axis, tolerance = _axis_with_knots(line, step), 0.05 * edge * edge / max(edge, width)

@@ -116,14 +116,12 @@ NodeKind = Literal["crossing", "branch", "end", "grazing"]
 @dataclass(frozen=True, eq=False)
 class Member:
     """A named part of a sheet.
-
     id     : "A07", "B12b", "rim 1".
     kind   : strip, or stub if it is less than twice as long as wide; rim and band along edges; ring and disc around
              a support or load. A fill (between members) and a plate have no axis.
     family : family of the pattern: "major", "minor", "keep", "rim"; or "" for a fill.
     stripe : number of the stripe.    part : number among the members of this stripe, from 1.
-    cells  : (c,) cells of `MemberGraph.sheet`, including cells below other members.
-    area   : area of these cells, m2.
+    cells  : (c,) cells of `MemberGraph.sheet`, including cells below other members.    area : area of these cells, m2.
     axis   : axis along the middle, or None.
     sides  : (k, 2) widths (m) to the left and right of each point of the axis; (0, 2) without an axis.
     ends   : at begin and end: name of a node or member, "edge" of the sheet, or "free"; empty if closed."""
@@ -168,7 +166,6 @@ class Member:
 @dataclass(frozen=True, eq=False)
 class Node:
     """The overlap of two members.
-
     kind    : crossing: no member ends. branch: one member ends. end: two end. grazing: middle lines do not meet.
     members : names of the members.    at : (2,) arc length along the axis of each member, metres; NaN without an axis.
     angle   : angle between the members, degrees, 0 to 90; NaN without an axis.
@@ -189,8 +186,7 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class MemberGraph:
-    """Members and nodes of a design.
-    sheet  : sheet of the design, divided along the edges of all members.
+    """Members and nodes of a design. sheet : sheet of the design, divided along the edges of all members.
     source : (m,) cell of the design's sheet that contains each cell."""
 
     sheet: Sheet
@@ -260,13 +256,11 @@ class MemberGraph:
         stubs, grazing = self._stubs, [node for node in self.nodes if node.kind == "grazing"]
         if self.stub_share > 0.01:
             lines.append(
-                f"{len(stubs)} stubs (members less than twice as long as wide) make up {self.stub_share:.1%} of the "
-                f"sheet"
+                f"{len(stubs)} stubs (members less than twice as long as wide) cover {self.stub_share:.1%} of the sheet"
             )
         if grazing:
             lines.append(
-                f"{len(grazing)} overlaps of members are not nodes: these members only graze each other, and their "
-                f"middle lines do not meet"
+                f"{len(grazing)} overlaps of members are not nodes, because the members' middle lines do not meet"
             )
         return tuple(lines)
 

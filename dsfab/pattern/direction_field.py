@@ -219,8 +219,7 @@ def cross_field(
     """Return unit directions (n, 3) of the major stripes at the vertices; their sign has no meaning.
     length   : metres over which unclear directions are smoothed.
     turn     : angle from the first principal stress to the stripes, radians, counter-clockwise about the normal.
-    guidance : guides that stripes follow.
-    Raises PatternError if the stress is zero."""
+    guidance : guides that stripes follow.    Raises PatternError if the stress is zero."""
     surface = frames.surface
     share = (surface.areas * directions.confidence(surface.areas) / 3)[:, None].repeat(3, axis=1)
     e = directions.direction[:, 0]

@@ -21,8 +21,7 @@ Solve = Callable[[Complexes], Complexes]
 
 
 class TwistedFactors:
-    """Solvers for Laplace matrices with a complex weight for each edge.
-    V : (n, 3) vertices.    ends : (e, 2) vertices of each edge."""
+    """Solvers for Laplace matrices with a complex weight for each edge, `ends` (e, 2), between vertices V (n, 3)."""
 
     def __init__(self, V: Floats, ends: Ints) -> None:
         self._V, self._ends, self._one_pattern = V, ends, SamePatternFactors(V)
@@ -136,8 +135,7 @@ class Frames:
 
     @cached_property
     def turning(self) -> Floats:
-        """Angle (e,), radians, to add to a direction angle in the frame at an edge's second end. The sum is the
-        angle of the same direction in the frame at the first end."""
+        """Angle (e,), rad, of a direction in the frame at an edge's first end, minus its angle at the second end."""
         i, j = self.ends.T
         across = cross(self.normal[j], self.normal[i])
         cosine = dots(self.normal[i], self.normal[j])[:, None]

@@ -138,8 +138,7 @@ ON_EDGE = 1e-9  # A point is on an edge if its barycentric coordinate for the op
 
 @dataclass(frozen=True, eq=False)
 class GuideLine:
-    """Curve of a guide, which becomes a member.
-    number : number of the guide, from 0.    family : family of the member.
+    """Curve of a guide, which becomes a member. number : of the guide, from 0.    family : of the member.
     points : (k, 3) points along the curve, metres.    faces : (k,) the face that contains each point."""
 
     number: int
@@ -180,8 +179,7 @@ class GuideLine:
         return vertices, phase - np.rint(phase)
 
     def followed_share(self, surface: Surface, phase: CornerPhase, step: int) -> float:
-        """Return the fraction of the curve that lies on centre lines of stripes.
-        step : distance between these centre lines, in periods."""
+        """Return the fraction of the curve on centre lines of stripes. step : distance of centre lines, in periods."""
         F = surface.F[self.faces]
         z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], _barycentric(surface.V[F], self.points))
         distance = np.abs(z - step * np.rint(z / step))

@@ -132,8 +132,7 @@ def euclidean_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class RegionBand:
-    """A band along the outline of a region, inside the region.
-    outline : edges on the outline of the region.    width : metres.
+    """A band along the outline of a region, inside the region. outline : edges on the outline.    width : metres.
     inside  : (n,) 1 inside the region, 0 on its outline, -1 outside."""
 
     outline: Origins
@@ -151,9 +150,8 @@ class RegionBand:
 
 
 def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[Layer]:
-    """Return a layer of the pattern for each solid region of the user.
-    The values (n,) are 1 inside the region, 0 on its outline, -1 outside.
-    Raises PatternError for a region off the surface."""
+    """Return a pattern layer for each solid region of the user. Raises PatternError for a region off the surface.
+    The values (n,) are 1 inside the region, 0 on its outline, -1 outside."""
     half_width = np.full(surface.n, np.inf)
     return [
         Layer("keep", region_sides(surface, faces), np.zeros(1), half_width)
@@ -163,8 +161,7 @@ def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[La
 
 def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float) -> list[RegionBand]:
     """Return a band inside the outline of each region that the preset marks with do = "rim".
-    rim : default width, metres; 0 for a width computed from the region.
-    Raises PatternError for an impossible region."""
+    rim : default width, m; 0 to compute it from the region.    Raises PatternError for an impossible region."""
     bands = []
     for k, faces in _faces(surface, regions, "rim"):
         inside = region_sides(surface, faces)
@@ -196,8 +193,7 @@ def _faces(surface: Surface, regions: Sequence[PatternRegion], do: str) -> Itera
 
 
 def region_sides(surface: Surface, faces: Bools) -> Floats:
-    """Return a value (n,) for each vertex: 1 if all adjacent faces are marked, -1 if none is marked, 0 otherwise.
-    faces : mask (m,) of marked faces."""
+    """Return (n,): 1 if all faces at a vertex are marked, -1 if none is, else 0. faces : (m,) mask of marked faces."""
     is_side = np.zeros((2, surface.n), dtype=bool)
     is_side[0, surface.F[faces]] = is_side[1, surface.F[~faces]] = True
     return np.asarray(is_side[0].astype(np.float64) - is_side[1])

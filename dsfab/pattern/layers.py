@@ -33,8 +33,7 @@ class Layer(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ModeFamily:
-    """Stripes on an eigenmode.
-    x     : (n,) eigenmode; stripes follow lines of equal x.    slope : (n,) stripes per metre."""
+    """Stripes along level lines of an eigenmode x (n,). slope : (n,) stripes per metre."""
 
     name: str
     stripes: Stripes
@@ -245,8 +244,7 @@ def face_points(side: int = 3) -> Floats:
 
 
 def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -> Bools:
-    """Return a mask (m, p) of the points in each face that lie in material of any layer.
-    points : barycentric coordinates (p, 3) of the points."""
+    """Return a mask (m, p) of the points in each face that lie in material. points : (p, 3) barycentric coordinates."""
     is_material = np.zeros((surface.m, len(points)), dtype=bool)
     for layer in layers:
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]

@@ -62,8 +62,7 @@ class Flow:
     ) -> Floats:
         """Return the phases (n,) of stripes at the vertices, in periods, -1/2 to 1/2. Phases grow along `g`.
         The method is diffusion with normalisation [Merriman, Bence, Osher 1992; for phases Viertel, Osting 2019].
-        start : (n,) start of the iteration.
-        lock  : (n,) vertices with a target phase.    rounds : number of diffusion steps.
+        start : (n,) first phases.    lock : (n,) vertices with a target phase.    rounds : number of diffusion steps.
         projection : projection onto symmetric fields; default: none.
         aim   : (n,) target phases, in periods, -1/2 to 1/2; default 0: the centre line of a stripe.
         free  : True to begin the iteration without target phases."""

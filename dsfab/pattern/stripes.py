@@ -26,8 +26,7 @@ def half_width(threshold: float) -> float:
 class Stripes:
     """Stripes of material where p(frequency x + phase) > threshold; p is the triangle wave, x an eigenmode.
     frequency : stripes per unit of the mode; positive.    phase : shift in periods.
-    threshold : -1 (all is material) to 1 (all is void).
-    Raises PatternError for other values."""
+    threshold : -1 (all is material) to 1 (all is void).    Raises PatternError for other values."""
 
     frequency: float
     phase: float = 0.0

@@ -55,8 +55,7 @@ class LoopSurroundings:
         return tuple(surroundings)
 
     def guidance(self, frames: Frames, stress: StressDirections, turn: float) -> Guidance:
-        """Return the directions of stripes around this loop.
-        turn : rotation of the two families of stripes, radians."""
+        """Return the directions of stripes around this loop. turn : rotation of the two families, radians."""
         surface, cosine = frames.surface, dots(stress.direction[:, 0], self.outwards)
         ray_minus_ring_stress = (stress.stress[:, 0] - stress.stress[:, 1]) * (2 * cosine**2 - 1)
         share = surface.areas * self.weight[surface.F].mean(axis=1)

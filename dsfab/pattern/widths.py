@@ -28,15 +28,13 @@ class ShareJumpError(PatternError):
 @dataclass(frozen=True)
 class Widths:
     """Rule for the half width d of stripes at every vertex; z is the phase.
-
     rule      : "plain"     d = (1 - threshold) / 4 (see `Stripes`), as in the paper by Madan et al.;
                 "constant"  d = |grad z| member / 2: the same width in metres;
                 "graded"    d proportional to (1 - threshold) |stress|^q, the stress along the stripes of the family;
                 "stressed"  begins as "graded", then widens where the cut sheet has most energy.
     member    : width of members, metres, for "constant".    q : 0 to 4, exponent for "graded".
     min_width, max_width : bounds on the width under any rule, metres; 0 for none.
-    min_gap   : metres; narrower gaps between stripes become material; 0 for none.
-    Raises PatternError for invalid values."""
+    min_gap   : metres; narrower gaps become material; 0 for none.    Raises PatternError for invalid values."""
 
     rule: Rule = "plain"
     member: float = 0.0
@@ -74,8 +72,7 @@ class Widths:
         return self.rule != "plain" or max(self.min_width, self.max_width, self.min_gap) > 0
 
     def grading(self, stress: Floats) -> Floats:
-        """Return factors (n,) on the half width of the rule "plain".
-        stress : (n,) size of the stress along the stripes."""
+        """Return factors (n,) on the half width of the rule "plain". stress : (n,) size of the stress along stripes."""
         return stress**self.q if self.rule == "graded" else stress if self.rule == "stressed" else np.ones_like(stress)
 
     def half_widths(self, base: float, slope: Floats, stress: Floats, factor: float = 1.0) -> Floats:
@@ -95,8 +92,7 @@ def vertex_means(surface: Surface, x: Floats) -> Floats:
 
 
 def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
-    """Return the mean of |grad z| around each vertex (n,), periods per metre.
-    z : (n,) phase.    radius : radius of the disc for the mean, m."""
+    """Return the mean |grad z| in a disc around each vertex (n,), periods per m. z : (n,) phase.    radius : in m."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
     return spread_means(surface, np.linalg.norm(gradient, axis=1), radius)
 

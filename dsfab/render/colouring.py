@@ -50,8 +50,7 @@ _RISING = np.array(
 
 @dataclass(frozen=True, eq=False)
 class ColourBar:
-    """Colour scale of a picture.
-    limit   : value at the right end. The left end is -limit if values can be negative, else 0.
+    """Colour scale of a picture. limit : value at the right end; the left end is -limit if values have a sign, else 0.
     labels  : labels below the left end, middle and right end.    names : labels above the left and right end.
     colours : (k, 3) from left to right.    bands : number of steps; 0 for a smooth scale."""
 
@@ -166,8 +165,7 @@ def signed_colours(share: Floats) -> Bytes:
 
 
 def ramp(share: Floats, colours: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for values (k,) from 0 to 1, interpolated between `colours` (q, 3).
-    bands : number of steps; 0 for a smooth scale."""
+    """Return `colours` (q, 3), interpolated at values (k,), 0 to 1. bands : number of steps; 0 for a smooth scale."""
     if bands:
         share = np.clip(np.floor(share * bands), 0, bands - 1) / (bands - 1)
     place, positions = share * (len(colours) - 1), np.arange(len(colours))
@@ -258,8 +256,7 @@ def energy_label(joules: float) -> str:
 
 
 def scaled_colouring(value: Floats, label: Callable[[float], str], words: str) -> Colouring:
-    """Return colours of faces for positive values (m,).
-    label : function that writes a value as text.    words : text for the caption."""
+    """Return colours of faces for positive values (m,). label : writes a value as text.    words : for the caption."""
     limit, bands = band_limit(float(np.percentile(value, COLOUR_PERCENTILE)))
     bar = ColourBar(limit, ("0", "", label(limit)), ("", "and more" if value.max() > 1.01 * limit else ""), bands=bands)
     return Colouring(rising_colours(value / limit, bands), bar, None, words)

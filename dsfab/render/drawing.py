@@ -27,8 +27,7 @@ PERSON_HEIGHT, TREE_HEIGHT = 1.75, 6.0  # heights of the person and of the tree 
 
 @dataclass(frozen=True, eq=False)
 class Annotations:
-    """Marks beside a structure.
-    surface, load : uncut surface and loads; give both or neither.
+    """Marks beside a structure. surface, load : uncut surface and loads; give both or neither.
     reaction      : (n, 3) forces of the supports on the structure, N.
     gradient      : (m, 3) gradient of a mode.    layers : names from `EVERY_LAYER`."""
 
@@ -127,8 +126,7 @@ def _marks(
 def legend(
     stage: Stage, caption: str, palette: Palette, size: tuple[int, int], swatches: tuple[tuple[str, Colour], ...] = ()
 ) -> Legend:
-    """Return the legend of a picture.
-    size : of the picture, pixels.    swatches : names of colours in the picture, with the colours."""
+    """Return the legend of a picture. size : of the picture, pixels.    swatches : its colours, with names."""
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
     kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
     colours = [body.colour for body in stage.bodies[1:]]

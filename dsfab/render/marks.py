@@ -248,8 +248,7 @@ BAR_LENGTH, BAR_WIDTH = 0.8, 0.09  # length and width of each bar of a cross, di
 
 def crosses(design: "Design", palette: Palette) -> Body:
     """Return crosses of two bars along the directions of diffusion. Blue is compression, red is tension.
-    For combined cases, red is the first direction, and blue the second. Raises DsfabError if all faces are isotropic.
-    """
+    For combined cases, red is the first direction, blue the second. Raises DsfabError if all faces are isotropic."""
     surface, tensors, r = design.surface, design.diffusion.tensors, design.preset.diffusion.r
     if r <= 1 or tensors.isotropic.all():
         why = f"r = {r:g}" if r <= 1 else "the stress is the same in all directions"

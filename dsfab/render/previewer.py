@@ -145,8 +145,7 @@ class Previewer:
         Raises DsfabError for a different [surface] or an invalid preset, and then keeps the old preset."""
         if preset.first_difference(self._preset) == "surface":
             raise DsfabError(
-                "a change of [surface] or of a region changes the geometry and the loads: make a new Previewer for "
-                "the preset"
+                "a change of [surface] or of a region changes geometry and loads: make a new Previewer for the preset"
             )
         if not self.can_display(preset):
             if self._arrows:
@@ -262,9 +261,8 @@ class Previewer:
         if not seen[0] or seen[1]:
             raise DsfabError(
                 f"this machine's graphics driver does not run the preview's shader: the shader drew {seen[0]} pixels "
-                f"of a surface full of material, and {seen[1]} pixels of a surface without material. To draw in "
-                f"software, set "
-                "VTK_DEFAULT_OPENGL_WINDOW=vtkEGLRenderWindow, or use dsfab build, whose picture needs no shader"
+                f"of a surface full of material, and {seen[1]} of a surface without material. To draw in software, "
+                "set VTK_DEFAULT_OPENGL_WINDOW=vtkEGLRenderWindow, or use dsfab build, whose picture needs no shader"
             )
 
     def _distances(self, design: Design) -> tuple[Floats, Floats]:

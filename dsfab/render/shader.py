@@ -140,8 +140,7 @@ class ShaderProgram:
 @dataclass(eq=False)
 class StripeShader:
     """Shader of a body.
-    fields : (n, 6) modes of both families, half-widths of both families (periods), distance to loads and supports, and
-             distance to the boundary (m).
+    fields : (n, 6) modes, half-widths (periods) of both families; distance (m) to loads and supports, and to boundary.
     tints  : colours of major, minor and remaining material; None for the colours of the faces."""
 
     fields: Floats
@@ -194,8 +193,7 @@ class StripeShader:
             uniforms.SetUniform2f("dsShown", settings.shown)
 
     def show_walls(self, eye: Floats | None, half: float) -> None:
-        """Show approximate walls of a sheet as seen from `eye` (3,), scene units; None hides the walls.
-        half : half the thickness."""
+        """Show approximate walls as seen from `eye` (3,), scene units; None hides them. half : half the thickness."""
         walls = eye is not None and half > 0
         self._change_program(walls=walls)
         for uniforms in self._uniforms():

@@ -50,8 +50,7 @@ class StripedMesh:
         return all(np.array_equal(x, y) for x, y in pairs)
 
     def carry(self, x: Floats) -> Floats:
-        """Return values (n', ...) at the vertices of this mesh, interpolated from values (n, ...) at vertices of the
-        uncut surface."""
+        """Interpolate values (n, ...) at vertices of the uncut surface; return (n', ...) at vertices of this mesh."""
         return self.even.chart.carry(x) if self.even else x
 
     def on_faces(self, x: Bytes) -> Bytes:
@@ -114,8 +113,7 @@ def distances(design: Design) -> tuple[Floats, Floats]:
 
 
 def _distances_outside(design: Design, to_held: Floats) -> Floats:
-    """Return rough distances (n,), m, to regions that stay material; negative inside. to_held : distances (n,) to
-    loads and supports, m."""
+    """Return rough distances (n,), m, to kept regions; negative inside. to_held : (n,) to loads and supports, m."""
     surface, pattern = design.surface, design.preset.pattern
     outside = np.where(np.isfinite(to_held) & (pattern.keep > 0), to_held - pattern.keep, surface.size)
     for field in design.pattern.fields[: pattern.drawn_regions]:

@@ -104,8 +104,7 @@ def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, 
 
 
 def support_part(surface: Surface, support: SupportPart, half: float, ground: float) -> MarkMesh:
-    """Return the mesh of a support, metres. ground : height of the ground, m.
-    half : half of the structure's thickness, m."""
+    """Return the mesh of a support, m. ground : height of the ground, m.    half : half of the sheet's thickness, m."""
     size, along, among = surface.size, support.along, support.vertices
     begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # position of the sheet's outer face
     deepest, V = float(begin[among].max()), surface.V.copy()

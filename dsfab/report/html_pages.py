@@ -113,9 +113,8 @@ class Banner:
 
 @dataclass(frozen=True)
 class Table:
-    """A table.    left_columns : number of columns that are flush left.
-    widths : relative widths of the columns; empty if equal.    note : text below the table.
-    strong : indices of emphasised rows."""
+    """A table. left_columns : number of columns that are flush left.    strong : indices of emphasised rows.
+    widths : relative widths of the columns; empty if equal.    note : text below the table."""
 
     caption: str
     head: Sequence[str]

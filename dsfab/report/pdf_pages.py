@@ -73,8 +73,7 @@ class PdfStyles:
         return Paragraph(markup.replace("<code>", code).replace("</code>", "</font>"), self.by_kind[kind], **named)
 
     def cell(self, markup: str, kind: str, is_left: bool) -> Any:
-        """Return a cell of a table.
-        kind : style.    is_left : True for left-aligned text."""
+        """Return a cell of a table. kind : style.    is_left : True for left-aligned text."""
         if markup in MARKS:
             markup = f'<font color="{hex_colour(COLOURS[markup])}"><b>{markup}</b></font>'
         if not is_left and kind != "head" and "<" not in markup:
@@ -167,8 +166,7 @@ def require_pdf() -> None:
 
 
 def document_pdf(document: Document) -> bytes:
-    """Return a document as a PDF.
-    Raises ExportError without reportlab."""
+    """Return a document as a PDF. Raises ExportError without reportlab."""
     require_pdf()
     from reportlab.platypus import SimpleDocTemplate
 

@@ -214,8 +214,7 @@ def missing_runs_line(folder: SweepFolder) -> str:
 
 
 def sweep_page(folder: SweepFolder, rows: Sequence[RunRow], y_metric: str, x_metric: str) -> str:
-    """Return the text of index.html.
-    y_metric, x_metric : metrics on the chart's axes when the page opens."""
+    """Return the text of index.html. y_metric, x_metric : metrics on the chart's axes when the page opens."""
     facts = _page_facts(folder, rows, y_metric, x_metric)
     text = json.dumps(facts, ensure_ascii=False, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     template = files("dsfab.report").joinpath("sweep_page.html").read_text(encoding="utf-8")

@@ -185,10 +185,7 @@ def _beam_finding(design: Design, phases: Floats, loads: list[Bools], between: b
 
 
 def _grid_finding(rendition: Rendition) -> str:
-    text = (
-        f"members cross at {rendition.crossing:.0f} degrees or more, and the ratio P95 / P5 of the distances between "
-        f"members is "
-    )
+    text = f"members cross at {rendition.crossing:.0f} degrees or more, and the ratio P95 / P5 of their distances is "
     text += f"{rendition.evenness:.3g}"
     if rendition.crossing >= ANGLE and rendition.evenness <= EVENNESS:
         return f"a grid: {text}"

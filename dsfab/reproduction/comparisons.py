@@ -26,8 +26,7 @@ from dsfab.study.baselines.structures import mode_like_field
 
 
 def earlier_work_comparison(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:
-    """Compare a design with two earlier methods: stripes of an integrated field, and traced lines.
-    shown : existing pictures by file name."""
+    """Compare a design with stripes of an integrated field, and with traced lines. shown : pictures by file name."""
     name = design.preset.name
     integrated, lines = integrated_design(design), traced_lines(design)
     rows = []
@@ -41,10 +40,9 @@ def earlier_work_comparison(design: Design, folder: Path, shown: Mapping[str, Pa
         "Earlier methods choose a direction on every face and integrate one field over all faces, or they trace lines "
         "one after another. Around some points, no choice of directions is consistent on all faces. Diffusion needs "
         "no such choice, and Madan et al. say that their stripes are more regular around these points. "
-        f"{_measures_text(design, integrated)}"
-        f"{len(all_lines)} lines were traced, as dense as the stripes. {sum(line.loose for line in all_lines)} ends "
-        f"of these lines lie inside the surface, because the line came too near to another line or to a place without "
-        f"a clear direction."
+        f"{_measures_text(design, integrated)}{len(all_lines)} lines were traced, as dense as the stripes. "
+        f"{sum(line.loose for line in all_lines)} ends of these lines lie inside the surface, because the line came "
+        "too near to another line or to a place without a clear direction."
     )
     return PaperComparison("Beside earlier work", words, tuple(rows))
 
@@ -98,8 +96,7 @@ def _quality_text(quality: PatternQuality) -> str:
     return (
         f"on average, the angle between members and stress is {major.deviation:.0f} (major) and {minor.deviation:.0f} "
         f"(minor) degrees; members cross at {quality.crossing_angle:.0f} degrees or more; P95/P5 of the spacing is "
-        f"{major.evenness:.1f} "
-        f"(major) and {minor.evenness:.1f} (minor); {quality.dead_ends} dead ends"
+        f"{major.evenness:.1f} (major) and {minor.evenness:.1f} (minor); {quality.dead_ends} dead ends"
     )
 
 
@@ -137,8 +134,7 @@ def editing_comparison(design: Design, folder: Path) -> PaperComparison:
         "A slider changes a few numbers of the pattern, and dsfab solves no equations again. Measured: "
         f"{rate:.3g} complete pictures per second, of {drawing.LARGE[0]} by {drawing.LARGE[1]} pixels and "
         f"{design.surface.m:,} triangles, drawn by {renderer}. The paper reports {PAPER} pictures per second, on a "
-        f"graphics card. "
-        "`dsfab edit bob` opens the editor, and `dsfab bench --preview` measures more sizes on your machine."
+        "graphics card. `dsfab edit bob` opens the editor; `dsfab bench --preview` measures more sizes on your machine."
     )
     return PaperComparison(title, words, (tuple(row),))
 
@@ -157,8 +153,7 @@ RATIOS = (1.0, 10.0, 100.0)  # Values of the anisotropy r in the comparison.
 
 
 def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> list[PaperComparison]:
-    """Return the comparisons in the paper (Madan et al.) that belong to a design's preset.
-    shown : existing pictures by file name."""
+    """Return the paper's comparisons (Madan et al.) that belong to a design's preset. shown : pictures by file name."""
     name = design.preset.name
     if name == "hanging_bar":
         return [_michell_comparison(design, shown), _anisotropy_comparison(design, folder)]
@@ -187,8 +182,7 @@ def _michell_comparison(design: Design, shown: Mapping[str, PaperPicture]) -> Pa
     words = (
         "In the stiffest frame of a given mass, members lie along principal directions of the stress, and cross at "
         "right angles [Michell 1904]. Stripes run perpendicular to the gradient of their mode. So stripes form this "
-        "frame if "
-        f"gradients follow the principal directions. For this figure, {measured_text}."
+        f"frame if gradients follow the principal directions. For this figure, {measured_text}."
     )
     return PaperComparison("Towards the Michell truss", words, tuple(pictures))
 

@@ -31,8 +31,7 @@ SCALE = {"pavilion": "tree"}  # Figures that show a tree for scale instead of a 
 
 @dataclass(frozen=True, eq=False)
 class PaperPicture:
-    """A picture in a file, or the reason why the picture is missing.
-    file  : name in the folder of the page; '' without a picture.
+    """A picture in a file, or the reason for its absence. file : name in the page's folder; '' without a picture.
     title : subject of the picture.     words : caption, or the reason.     bar : legend of colours."""
 
     file: str

@@ -18,9 +18,8 @@ from dsfab.surface import Surface, hat_gradients
 
 
 class DrawnFamily(NamedTuple):
-    """A family of stripes along level lines of a diffusion mode.
-    D : (m, 3, 3) diffusion tensors.    number : number of the mode.    mode : (n,) values of the mode at vertices.
-    frequency : number of stripes per unit of the mode."""
+    """A family of stripes along level lines of a diffusion mode. frequency : number of stripes per unit of the mode.
+    D : (m, 3, 3) diffusion tensors.    number : number of the mode.    mode : (n,) values of the mode at vertices."""
 
     D: Floats
     number: int
@@ -102,9 +101,8 @@ End = Literal["boundary", "inside", "round"]
 
 @dataclass(frozen=True, eq=False)
 class StressLine:
-    """A line along a principal stress.
-    points : (k, 3) in order, m. A closed line repeats the first point at the end.
-    faces  : (k - 1,) face of each segment.    loose : number of ends away from the boundary."""
+    """A line along a principal stress. points : (k, 3) in order, m; a closed line ends at its first point.
+    faces : (k - 1,) face of each segment.    loose : number of ends away from the boundary."""
 
     points: Floats
     faces: tuple[int, ...]

@@ -38,8 +38,7 @@ class Timings:
 @dataclass(frozen=True)
 class PaperFigure:
     """A figure of the paper by Madan, Jacobson and Levin.
-    label    : number and letter in the paper.
-    caption  : content of the figure.
+    label    : number and letter in the paper.    caption : content of the figure.
     row      : row of the figure in Table 1, or None.    timings : row of the figure in Table 2.
     stand_in : reason why dsfab's surface differs from the paper's surface, or ''.
     claim    : structure that the caption claims: web, beam, beams, grid; or ''."""

@@ -40,11 +40,9 @@ SHARES = (0.3, 0.5)  # least and largest share of material in the design with ev
 @dataclass(frozen=True, eq=False)
 class Rendition:
     """A version (rendition) of a figure, with measures. After a failure, `refused` is the reason, and measures are nan.
-
     name         : letter (as in the paper), preset or stripes.    departures : differences from the paper.
     settings     : changes of the preset by key.
-    share        : share of the surface that is kept.     pieces : number of pieces.
-    loose        : number of pieces without a support.
+    share        : share of the surface that is kept.    pieces : number of pieces.    loose : pieces without a support.
     carried      : share of the loads on pieces with a support; nan without loads.
     over_uncut   : compliance / compliance of the uncut sheet; infinite if the design does not carry the loads.
     over_thinner : compliance / compliance of a thinner sheet of the same mass.

@@ -31,8 +31,7 @@ class StripedField(NamedTuple):
 class UpsampledCut(NamedTuple):
     """A cut by upsampling: triangles that several stripe edges cross (crowded triangles) are divided before the cut.
     rounds    : number of divisions.    triangles : number of triangles of the cut sheet.
-    crowded   : number of crowded triangles that remain.
-    wrong     : share of the surface where this cut swaps material and void."""
+    crowded   : remaining crowded triangles.    wrong : share of the surface where this cut swaps material and void."""
 
     rounds: int
     triangles: int

@@ -74,8 +74,7 @@ def sphere_draft(changes: Mapping[str, Any], coarser: float = 1.0) -> Design:
 
 
 def sphere_rivals(coarser: float = 1.0) -> dict[str, Design]:
-    """Return designs `plain`, `row`, `letter`, `stripes` of the sphere.
-    coarser : length of mesh edges / `EDGE`."""
+    """Return designs `plain`, `row`, `letter`, `stripes` of the sphere. coarser : length of mesh edges / `EDGE`."""
     plain_widths = {**ON_MODES, "pattern.width": {"solid_fraction": 0.5}}
     settings: dict[str, Mapping[str, Any]] = {"plain": plain_widths, "row": ROW, "letter": LETTER, "stripes": {}}
     return {name: sphere_draft(changes, coarser) for name, changes in settings.items()}

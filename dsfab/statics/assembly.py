@@ -55,8 +55,7 @@ CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 @dataclass(frozen=True, eq=False)
 class VertexPairs:
     """Pairs of vertices that have a 3 x 3 block in a stiffness matrix. A hinge is two faces with a common edge.
-    ends     : (p, 2) vertices of each pair, lower number first.
-    of_edge  : (e,) number of the pair of each edge.
+    ends     : (p, 2) vertices of each pair, lower number first.    of_edge : (e,) number of the pair of each edge.
     opposite : (i,) pair of each hinge's opposite vertices; p if they are equal; empty without hinges."""
 
     n: int

@@ -98,8 +98,7 @@ def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
     lost = np.flatnonzero(~used & (load.force != 0).any(axis=1))
     if len(lost):
         raise StaticsError(
-            f"{len(lost)} loaded vertices belong to no face (first: {first_few(lost)}); move the loads at these "
-            f"vertices"
+            f"{len(lost)} loaded vertices belong to no face (first: {first_few(lost)}); move these loads"
         )
 
 
@@ -117,8 +116,7 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
 
 
 def held_middles(surface: Surface, fixed: Bools) -> Bools:
-    """Return a mask (e, 3): directions x, y, z in which the midpoint of each edge cannot move.
-    fixed : (n, 3) mask: directions in which each vertex cannot move."""
+    """Return a mask (e, 3) of directions in which edge midpoints cannot move. fixed : (n, 3) mask for the vertices."""
     edges, faces = surface.edges, held_faces(surface, fixed)
     is_held = fixed[edges.ends].all(axis=1) & edges.boundary[:, None]
     for axis in range(3):

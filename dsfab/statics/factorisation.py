@@ -58,8 +58,7 @@ class ScaledStiffness:
 
 @dataclass(frozen=True, eq=False)
 class Factor:
-    """A factorised stiffness matrix.
-    K     : stiffness matrix of all unknowns.    free : (N,) indices of the unknowns that can move.
+    """A factorised stiffness matrix K of all unknowns. free : (N,) indices of the unknowns that can move.
     scale : (N,) 1 / square root of the diagonal of K.    solve : solves the scaled equations."""
 
     K: csr_array

@@ -133,9 +133,8 @@ def _spread_matrix(surface: Surface, columns: Ints, sign: Floats, points: Floats
 
 
 CONVENTION = (
-    "local x is global x, projected onto the face; if the normal is within 8 degrees of global x, local x is global "
-    "y, projected onto the face; local y is normal cross local x; the corners of the face run counter-clockwise "
-    "around the normal",
+    "local x is global x (global y if the normal is within 8 degrees of global x), projected onto the face; "
+    "local y is normal cross local x; the corners of the face run counter-clockwise around the normal",
     "positive n is tension. m_x bends fibres along local x; positive m is tension on the side opposite to the normal",
     "q_x = dm_x/dx + dm_xy/dy, q_y = dm_xy/dx + dm_y/dy (thin sheets, Kirchhoff); on a section whose outward "
     "direction is local x, positive q_x acts opposite to the normal",

@@ -52,8 +52,7 @@ class Material:
 
 @dataclass(frozen=True, eq=False)
 class SheetModel:
-    """A thin elastic sheet.
-    surface : middle surface.    thickness : metres.
+    """A thin elastic sheet. surface : middle surface.    thickness : metres.
     clamped : (e,) mask of edges that cannot rotate. Supports may clamp further edges.
     carried : (n,) additional masses at the vertices that vibrate with the sheet, kg.
     rigidity : (m, 3, 3) bending stiffness of each face, N m, in its frame; None for `Material.bending` everywhere."""

@@ -113,7 +113,6 @@ def frequencies(
     spring: Floats | None = None,
 ) -> Vibration:
     """Return the lowest natural frequencies of small vibrations: K x = omega^2 M x.
-
     fixed     : (n, 3) mask of fixed directions.    spring : (n, 3) stiffness of spring supports, N/m.
     K         : stiffness matrix of the sheet without springs, if known.
     Raises StaticsError for a material without density, for mechanisms, and for more modes than unknowns."""
@@ -153,7 +152,6 @@ def buckling(
 ) -> Buckling:
     """Return the lowest positive load factors of linear buckling: K x = factor (-K_g) x.
     Real thin shells buckle at lower factors, cylinders at 0.2 to 0.5 of them [Koiter 1945; NASA SP-8007].
-
     answer : equilibrium under `load`.    K : stiffness matrix of the sheet without springs, if known.
     Raises StaticsError for mechanisms, and if the modes do not converge."""
     surface = sheet.surface
@@ -309,8 +307,7 @@ def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bo
         mu, x = eigsh(operator, count, M=M, Minv=Minv, which="LA", v0=start, maxiter=500, tol=tolerance)
     except ArpackNoConvergence as error:
         raise StaticsError(
-            "the computation of buckling modes does not converge: the load compresses the sheet very little, or not "
-            "at all"
+            "the computation of buckling modes does not converge: the load compresses the sheet too little"
         ) from error
     is_mode = mu > 1e-10 * np.abs(mu).max()  # smaller values are rounding errors
     mu, x = mu[is_mode], x[:, is_mode]

@@ -62,8 +62,7 @@ def _shares(parts: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class SupportEntry:
-    """A support and its reactions.
-    place    : (3,) mean position of the supported vertices, metres.
+    """A support and its reactions. place : (3,) mean position of the supported vertices, metres.
     length   : length of the supported edges, metres; 0 for points.    area : supported area, m2.
     holds    : fixed directions, springs and clamping, such as 'xyz', 'z, clamped' or 'spring xy'.
     reaction : (3,) force on the sheet, newtons, for each load case by name.

@@ -22,9 +22,8 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class ResultRequest:
-    """Further results to compute for a sheet.
-    strength    : strength to compare the stress with, Pa; 0 for no comparison.
-    frequencies : number of natural frequencies.    buckling : number of buckling load factors."""
+    """Further results to compute for a sheet: numbers of natural frequencies and of buckling load factors.
+    strength : strength to compare the stress with, Pa; 0 for no comparison."""
 
     strength: float = 0.0
     frequencies: int = 0
@@ -49,10 +48,9 @@ class ResultRequest:
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """Results of a sheet under one load.
-    vibration, buckling : None if not requested or not computed.
-    refusals  : reasons why requested results are missing.
-    assumed   : message about supports that the program assumes for modes; '' if it assumes none."""
+    """Results of a sheet under one load. vibration, buckling : None if not requested or not computed.
+    refusals : reasons why requested results are missing.
+    assumed  : message about supports that the program assumes for modes; '' if it assumes none."""
 
     elements: Elements
     equilibrium: Equilibrium
@@ -66,9 +64,8 @@ class Answers:
 @dataclass(frozen=True, eq=False)
 class SolvedCase:
     """A load case and its solution.
-    spread    : distributed load on faces and edges.
-    factor_of : function that factorised the stiffness matrix.
-    plane     : True if the sheet was solved only in its plane; None to find out from its shape and loads."""
+    spread : distributed load on faces and edges.    factor_of : function that factorised the stiffness matrix.
+    plane  : True if the sheet was solved only in its plane; None to find out from its shape and loads."""
 
     load: LoadCase
     spread: SpreadLoad

@@ -29,13 +29,11 @@ from dsfab.surface.mesh import Surface
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
     """Solution of a surface under a load.
-
     u          : (n, 3) displacements of the vertices, metres.
     reaction   : (n, 3) forces of the supports and springs on the sheet, newtons; zero at free vertices.
-    compliance : twice the elastic energy, joules.
+    compliance : twice the elastic energy, joules.    residual : relative rounding error of u in the energy norm.
     imbalance  : largest component of two sums: all forces, and all moments divided by the surface's size.
                  It is a fraction of the sum of the loads' magnitudes.
-    residual   : relative rounding error of u in the energy norm.
     on_edges   : unknowns on edges (e,), by name: `rotation` and `slope` in radians; edge bubbles `along`, `across`
                  and `normal` in metres. Empty for the elements `PAPER`.
     torque     : (e,) moments of the supports about clamped edges, N m; empty for elements without rotations."""

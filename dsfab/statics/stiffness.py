@@ -42,11 +42,10 @@ def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontex
 @dataclass(frozen=True, eq=False)
 class FaceStiffness:
     """Stiffness matrix K of a sheet: the sum of s_f K_f, with a factor s_f and a matrix K_f for each face f.
-    blocks  : (m, c, c) matrices K_f, N/m.
+    blocks  : (m, c, c) matrices K_f, N/m.    force : (count, k) load vectors of k loads, newtons.
     unknown : (m, c) index of the free unknown for each row of K_f; `count` for fixed unknowns.
     places  : (nnz, m) matrix that maps the factors s (m,) to the nonzero values of K.
-    points  : vertices, then edge midpoints.    node : (count,) index in `points` for each free unknown.
-    force   : (count, k) load vectors of k loads, newtons."""
+    points  : vertices, then edge midpoints.    node : (count,) index in `points` for each free unknown."""
 
     blocks: Floats
     unknown: Ints
@@ -61,8 +60,7 @@ class FaceStiffness:
 
     @classmethod
     def from_sheet(cls, sheet: SheetModel, loads: Sequence[LoadCase]) -> Self:
-        """Return the stiffness of a sheet; the load cases `loads` define the supports.
-        Raises StaticsError if the supports leave a motion free."""
+        """Return a sheet's stiffness. Raises StaticsError if the supports (from `loads`) leave a motion free."""
         surface = sheet.surface
         axis = flat_axis(surface, *loads)
         elements = elements_of("ranking")
@@ -101,8 +99,7 @@ class FaceStiffness:
             earlier.refactor(self.matrix(scale))
         except NotPositiveDefinite as error:
             raise StaticsError(
-                "during the optimisation, the sheet can move without resistance; add supports, or check the mesh with "
-                "`dsfab inspect`"
+                "in the optimisation, the sheet moves freely; add supports, or check the mesh with `dsfab inspect`"
             ) from error
         return earlier
 

@@ -123,7 +123,6 @@ class Peak(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class SheetStress:
     """Stress in a thin sheet.
-
     frame           : (m, 2, 3) unit vectors x and y in each face's plane; stress components refer to them.
     membrane        : (m, 3 corners, 3) stress (xx, yy, xy) of the middle surface, Pa.
     bending         : (m, 3 corners, 3) bending stress 6 M / h^2 at the bottom, Pa; the top has the opposite sign.

@@ -25,11 +25,10 @@ Projection = Callable[[Floats], tuple[Floats, Floats]]  # points -> nearest surf
 @dataclass(frozen=True, eq=False)
 class Wedges:
     """A solid with one quadratic wedge (C3D15) for each of m triangles of a sheet.
-    nodes   : (p, 3) positions, metres.
+    nodes   : (p, 3) positions, metres.    middles : (e, 2) node numbers at edge midpoints: bottom and top.
     elements : (m, 15) node numbers of each wedge: bottom corners, top corners, midpoints of bottom edges, midpoints of
                top edges, midpoints of upright edges.
-    columns : (n, 3) node numbers at each vertex of the sheet: bottom, top, and middle of the thickness.
-    middles : (e, 2) node numbers at the midpoint of each edge of the sheet: bottom and top."""
+    columns : (n, 3) node numbers at each vertex of the sheet: bottom, top, and middle of the thickness."""
 
     nodes: Floats
     elements: Ints

@@ -28,8 +28,7 @@ CalculiX expands CPS6 elements to solid wedges, and only thin wedges come close 
 
 def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
     """Return the nodes (n + e, 3), metres, and the six-node triangles (m, 6) of a surface.
-    Nodes: the n vertices, then the midpoints of the e edges.
-    Triangles: corners 1, 2, 3, then the midpoints of the edges 1-2, 2-3, 3-1."""
+    Nodes: n vertices, e midpoints of edges. Triangles: corners 1, 2, 3, then midpoints of edges 1-2, 2-3, 3-1."""
     edges = surface.edges
     middles = surface.V[edges.ends].mean(axis=1)
     return np.concatenate([surface.V, middles]), np.concatenate([surface.F, surface.n + edges.of], axis=1)
@@ -75,8 +74,7 @@ def six_node_model(
 ) -> CalculixModel:
     """Return the CalculiX model of a sheet.
     supports : by name, a mask (n, 3) of the directions in which each support fixes vertices.
-    steps    : by name, the nodal forces (n + e, 3) of each load step, newtons.
-    springs  : (n, 3) stiffness of spring supports, N/m.
+    steps    : by name, nodal forces (n + e, 3) of load steps, N.    springs : (n, 3) stiffness of springs, N/m.
     element  : S6, or CPS6 for a flat sheet with in-plane loads.    axis : number of the axis normal to a CPS6 sheet."""
     surface, material, clamped = sheet.surface, sheet.material, sheet.clamped
     edges = surface.edges
@@ -139,8 +137,7 @@ UNRELIABLE = (
 )
 LOADS = {
     "uncut": "Loads are those of the uncut sheet, with its whole weight; the cut sheet weighs less",
-    "cut": "Loads are those of the cut sheet: its own weight, and loads of coverings, which act on the nearest "
-    "material",
+    "cut": "Loads are those of the cut sheet: its own weight, and loads of coverings on the nearest material",
 }
 """A note on the loads for the model file of the uncut sheet, and a note for that of the cut sheet."""
 
@@ -277,9 +274,8 @@ def _support_lines(preset: Preset, model: CalculixModel) -> Iterator[str]:
 def _expected_lines(name: str, model: CalculixModel, u: Floats, reaction: Floats, energy: float) -> Iterator[str]:
     force, node = model.steps[name], int(np.linalg.norm(u, axis=1).argmax())
     pair = elements_of("six_nodes")
-    (
-        yield f"{name}: the total force of the loads is {_vector(force.sum(axis=0))} N. Results of dsfab with "
-        f"elements {pair} on these triangles:"
+    yield (
+        f"{name}: total load {_vector(force.sum(axis=0))} N. Results of dsfab with elements {pair} on these triangles:"
     )
     yield f"  largest displacement {np.linalg.norm(u[node]):.6g} m of a corner, node {node + 1}, {_vector(u[node])} m"
     yield f"  internal energy {energy:.6g} J of the sheet: half of the compliance, minus the energy of springs"

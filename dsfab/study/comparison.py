@@ -290,9 +290,7 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
         triangles = whole_sheets * design.surface.m + (2 + len(names) - whole_sheets) * design.sheet.surface.m
         seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # time on one core with two meshes
         if seconds > 60:
-            reason = (
-                f"full checks would take about {seconds:.0f} s, so dsfab solves competitors with openings only once"
-            )
+            reason = f"full checks would take {seconds:.0f} s, so dsfab solves competitors with openings only once"
             return Judges(checks.judge("full", True), checks.judge("whole"), reason)
     depth = checks.level or "full"
     return Judges(checks.judge(depth, True), checks.judge(depth))

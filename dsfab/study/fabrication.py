@@ -40,8 +40,7 @@ class Check:
 @dataclass(frozen=True)
 class PieceContacts:
     """A connected piece of the sheet, and the supports and loads that touch it. area : m2.
-    supports, loads : numbers of these supports and loads in the preset, from 1.
-    names : their names."""
+    supports, loads : numbers of these supports and loads in the preset, from 1.    names : their names."""
 
     area: float
     supports: tuple[int, ...]
@@ -115,9 +114,7 @@ def require_fit(design: Design, measured: FabricationMeasures | None = None, mea
     if measured is None and measure and design.resolved_preset.pattern.for_workshop:
         measured = fabrication(design)
     if not design.preset.fabrication.accept and (why := refusals(design, measured)):
-        raise PatternError(
-            f"{'; '.join(why)}. To export this design all the same, use --accept or set fabrication.accept = true"
-        )
+        raise PatternError(f"{'; '.join(why)}. To export it anyway, use --accept or set fabrication.accept = true")
 
 
 def _limit_check(name: str, limit: float, feature: Feature | None, is_requested: bool = True) -> Check:
@@ -168,8 +165,7 @@ COARSER, COARSEST = 0.85, 0.6  # one change of a design multiplies the frequenci
 @dataclass(frozen=True, eq=False)
 class FixedDesign:
     """A design that meets the fabrication limits after changes of its preset.
-    made    : measured sizes of the design.
-    changes : old and new value of each changed preset key."""
+    made : measured sizes of the design.    changes : old and new value of each changed preset key."""
 
     design: Design
     made: FabricationMeasures

@@ -139,8 +139,7 @@ def quick(
     if structure.cells is structure.sheet and not task.is_plane:
         largest, text = (
             0.5,
-            "one solve on the uncut mesh gives no verdict: in tests, compliances were wrong by up "
-            "to a third, and larger errors are possible",
+            "one solve on the uncut mesh gives no verdict: errors reached a third in tests, and may be larger",
         )
     return Judgement(total, cases, bound=largest, reason=text, solved=answers)
 

@@ -91,15 +91,11 @@ class SizingResult:
             yield f"thicknesses: {self.stock}"
         if self.changes:
             values = ", ".join(f"{key} = {value:g}" for key, value in self.changes.items())
-            (
-                yield f"no thickness meets the targets with the pattern of the preset, so these keys were changed: "
-                f"{values}"
-            )
+            yield f"no thickness meets the targets with the preset's pattern, so these keys were changed: {values}"
         if not self.fits:
             yield (
                 f"no thickness meets the targets; a thickness of {length(thickness)} is nearest: add supports, give "
-                f"the "
-                "surface more rise, or lower the targets in [sizing]"
+                "the surface more rise, or lower the targets in [sizing]"
             )
 
     def facts(self) -> dict[str, Any]:
@@ -141,7 +137,6 @@ def guessed_preset(preset: Preset) -> Preset:
 
 def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     """Return the design, up to slicing, with the thinnest sheet that meets the targets of [sizing].
-
     One solve of a rough draft gives approximate results for similar thicknesses. Then the whole design is made with
     the thickness that comes nearest to the targets. It is also made with the next thicknesses if they may be better.
     If no thickness meets the targets, the pattern gets more material, then also a smaller spacing. If this does not
@@ -362,8 +357,7 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
 
 
 def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) -> SizingTrial:
-    """Return the trial of a solved structure. row : for a final design, an earlier trial of this thickness, which gives
-    the buckling factor if `outcome` has none; None for a draft."""
+    """Return a solved structure's trial. row : earlier trial, for a missing buckling factor; None for a draft."""
     targets = design.preset.sizing
     use = outcome.use.value if outcome.use else float("inf") if row else None  # None: utilisation not yet computed
     movement = outcome.movement.share if outcome.movement else float("inf")

@@ -35,9 +35,7 @@ def _range(text: str, values: str) -> list[Any]:
         low, high, count = values.split(":")
         start, end, steps = float(low), float(high), int(count)
     except ValueError:
-        raise DsfabError(
-            f"--vary {text!r} is not a range; write KEY=LOW:HIGH:COUNT, such as diffusion.r=10:100:4"
-        ) from None
+        raise DsfabError(f"--vary {text!r} is not a range; write KEY=LOW:HIGH:COUNT (diffusion.r=10:100:4)") from None
     if not (isfinite(start) and isfinite(end)):
         raise DsfabError(f"--vary {text!r} needs two finite numbers as its limits; write for instance 4:24:6")
     if steps < 1:
@@ -76,8 +74,7 @@ def stage_of(key: str) -> int:
 
 
 def signature(changes: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return a text for each stage of a design. The text contains the changed values of this stage.
-    changes : changed values of the preset, by dotted key."""
+    """Return, for each stage of a design, a text with this stage's values in `changes` (dotted preset keys)."""
     by_stage: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
     for key, value in changes.items():
         section = key.split(".")[0]

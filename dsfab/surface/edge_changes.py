@@ -35,15 +35,11 @@ def sharp_edges(surface: Surface) -> Bools:
 
 def refined_surface(surface: Surface, target: float, smooth: bool = False) -> Surface:
     """Return the surface with triangles divided until no edge is longer than `target` metres. Old vertices come first.
-
     smooth : False: long edges are halved, and the shape stays the same [Rivara 1984]. True: every triangle is divided
     in four, and vertices move towards a smooth surface [Loop 1987].
-
     Raises SurfaceError for an invalid target, for too many triangles, and for `smooth` without an oriented manifold."""
     if not (np.isfinite(target) and target > 0):
-        raise SurfaceError(
-            f"the edge length {target} must be a positive length in metres; change the key surface.refine"
-        )
+        raise SurfaceError(f"the edge length {target} must be a positive length in metres; change surface.refine")
     if smooth and (faults := manifold_faults(surface.F, surface.edges, surface.n)):
         raise SurfaceError(f"only a manifold surface can be subdivided smoothly: {faults[0]}; set smooth to false")
     V, F = surface.V, surface.F
@@ -189,8 +185,7 @@ LEAST_ANGLE_GAIN = 1.0  # A flip must increase the smallest angle of its two fac
 
 def with_flipped_edges(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> Surface:
     """Return the surface with edges flipped if this increases the smallest angle of their two faces.
-    may       : (n,) mask of vertices; only faces with such a vertex may change.
-    stays     : (k, 2) ends of edges that must not be flipped.
+    may       : (n,) mask; only faces with a marked vertex may change.    stays : (k, 2) ends of edges that do not flip.
     tolerance : largest distance between an old edge and the new edge, metres."""
     keys = _keys(surface.n, *stays.T)
     for _ in range(8):

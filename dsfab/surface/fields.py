@@ -41,8 +41,7 @@ def voronoi_mass(surface: Surface) -> Floats:
 
 
 def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -> csr_array:
-    """Assemble the element matrices `blocks` (m, 3, 3) of all faces into one sparse matrix (n, n).
-    diagonal : (n,) numbers to add to the diagonal."""
+    """Assemble face matrices `blocks` (m, 3, 3) into a sparse matrix (n, n), plus `diagonal` (n,) on its diagonal."""
     rows = np.repeat(surface.F, 3, axis=1).ravel()
     columns = np.tile(surface.F, (1, 3)).ravel()
     values = blocks.ravel()

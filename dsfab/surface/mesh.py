@@ -141,9 +141,7 @@ class Surface:
             )
         bad = np.flatnonzero(self.areas <= ZERO_AREA * self.size**2)
         if len(bad):
-            raise SurfaceError(
-                f"{len(bad)} of {self.m} faces have no area (first: {first_few(bad)}); remove collapsed faces"
-            )
+            raise SurfaceError(f"{len(bad)} of {self.m} faces have no area (first: {first_few(bad)}); remove them")
 
     @classmethod
     def from_mesh(cls, V: Any, F: Iterable[Any], unit: str = "m") -> "Surface":

@@ -31,8 +31,7 @@ def upright_vertices(V: Floats, up: Up) -> Floats:
 
 
 def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
-    """Return 1 or -1 (m, 3) for each corner of a face.
-    A corner has -1 if its face is flipped relative to the first face at the same vertex."""
+    """Return -1 at corners (m, 3) of faces that are flipped relative to the vertex's first face, 1 at all others."""
     if not len(misoriented_edges(F, edges)):
         return np.ones_like(F)
     h0, h1 = edges.pairs.T

@@ -16,9 +16,8 @@ LONGEST_WALK = 100  # Largest number of steps of a walk around a vertex.
 class EdgeTable:
     """Edges of a mesh. A half-edge is a side of a face: side k of face f has the number 3 f + k.
     ends   : (e, 2) numbers of the two vertices of each edge, the lower number first.
-    of     : (m, 3) edge number of each side of each face.
-    order  : (3 m,) half-edges sorted by edge; the half-edges of edge k are order[start[k] : start[k + 1]].
-    start  : (e + 1,) positions in `order`."""
+    of     : (m, 3) edge number of each side of each face.    start : (e + 1,) positions in `order`.
+    order  : (3 m,) half-edges sorted by edge; the half-edges of edge k are order[start[k] : start[k + 1]]."""
 
     ends: Ints
     of: Ints
@@ -104,8 +103,7 @@ def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
 
 def link_components(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
     """Return the number of components of a graph, and the component (count,) of each node [Shiloach and Vishkin 1982].
-    count : number of nodes.    i, j : (k,) the nodes of each link.
-    Components are numbered in the order of their first nodes."""
+    i, j : (k,) nodes of each link between `count` nodes. Components are numbered in the order of their first nodes."""
     things = np.arange(count)
     root = things
     while len(i):

@@ -210,9 +210,8 @@ def safe_shares(
     surface: Surface, D: Floats, sides: Ints, shift: int = 0, shrink: float = 0.85, smallest: float = 0.05
 ) -> Floats:
     """Return factors (n,), at most 1, that shorten half-thickness vectors D (n, 3) until no face folds over.
-    sides    : (m, 3) as in `Offsets`.
-    shift    : 0 if the surface is the middle of the sheet, 1 if the sheet is on the side of the normals, -1 if behind.
-    shrink   : factor by which each round shortens a vector.    smallest : smallest result."""
+    sides : as in `Offsets`.    shrink : factor by which each round shortens a vector.    smallest : smallest result.
+    shift : 0 if the surface is the middle of the sheet, 1 if the sheet is on the side of the normals, -1 if behind."""
     share = np.ones(surface.n)
     faces = np.arange(surface.m)
     while len(faces):

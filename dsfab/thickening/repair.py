@@ -16,8 +16,7 @@ from dsfab.thickening.union import THIN, THINNEST, PrismUnion, prism_union
 
 @dataclass(frozen=True, eq=False)
 class UnfoldedSheet:
-    """A sheet after its small folds were smoothed.
-    V : (n, 3) vertices, metres.    crossing : (k, 2) pairs of faces that still cross."""
+    """A sheet with smoothed folds: vertices V (n, 3), metres, and face pairs that still cross, `crossing` (k, 2)."""
 
     V: Floats
     crossing: Ints
@@ -106,8 +105,7 @@ class RepairedSkin:
     V, D      : (n, 3) vertices of the sheet and half-thickness vectors, metres.
     backslash : (r,) mask of the walls' diagonals (see `Skin`).
     pairs     : (k, 2) pairs of faces of the skin, or of `union`, that still intersect.
-    found     : number of pairs that intersected before the repair.
-    crosses   : number of pairs of faces in which the sheet crosses itself.
+    found     : number of pairs before the repair.    crosses : number of face pairs in which the sheet crosses itself.
     union     : mesh that replaces the skin if the sheet crosses itself; else None."""
 
     V: Floats

@@ -8,10 +8,9 @@ from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 
 
 def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
-    """Return the pairs of faces (k, 2), in ascending order, that meet outside shared corners and edges.
+    """Return the pairs of faces (k, 2), in ascending order, that meet or touch outside shared corners and edges.
     V : (n, 3) vertices in any unit.    F : (m, 3) faces of an oriented manifold.
-    among : (m,) mask of the faces to test. Unmarked faces must be known to meet no face.
-    Faces that only touch are also returned."""
+    among : (m,) mask of the faces to test. Unmarked faces must be known to meet no face."""
     if among is not None and not among.all():
         which = np.flatnonzero(among)
         used, corner = np.unique(F[which], return_inverse=True)

@@ -18,8 +18,7 @@ def round_to_single(V: Floats) -> Floats:
 
 
 def is_fine(V: Floats, D: Floats) -> bool:
-    """Return True if single precision is fine enough for a sheet at V (n, 3).
-    D : (n, 3) half-thickness vectors, metres."""
+    """Return True if single precision suffices for a sheet V (n, 3) with half-thickness vectors D (n, 3), metres."""
     step = np.spacing(np.float32(np.abs(V).max() * MM_PER_M)) / MM_PER_M
     return bool(step <= 1e-3 * np.median(np.linalg.norm(D, axis=1)))
 
@@ -40,9 +39,7 @@ def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
     mesh = simple.to_mesh64()
     faces = np.asarray(mesh.tri_verts, dtype=np.int64)
     if simple.status() != manifold3d.Error.NoError or not len(faces):
-        raise SolidError(
-            f"the library manifold3d cannot simplify a solid of {len(F)} triangles ({simple.status().name})"
-        )
+        raise SolidError(f"manifold3d cannot simplify a solid of {len(F)} triangles ({simple.status().name})")
     return np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3], faces
 
 
@@ -60,9 +57,8 @@ class Skin:
     Vertex i has copy i on the upper side of the first face at vertex i, and copy n + i on the opposite side.
     upper, lower : (m, 3) copies of each face's corners: on the side of the face's normal, on the opposite side.
     p, q   : (2, r) copies of the boundary edges' ends: on the side of the normal, on the opposite side.
-    rim    : (r,) the faces of the boundary edges.
+    rim    : (r,) the faces of the boundary edges.    single : True if the vertices are rounded to single precision.
     shift  : 0 for skins V + D and V - D, 1 for V + 2 D and V, -1 for V and V - 2 D.
-    single : True if the vertices are rounded to single precision.
 
           p+ --- q+        upper skin        slash: diagonal q+ p-     backslash: diagonal p+ q-
           |       |

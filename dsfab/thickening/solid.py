@@ -37,11 +37,9 @@ class Repairs:
     thinned     : number of vertices where the sheet was thinned, because the thickened sheet met itself.
     thinnest    : smallest remaining fraction of the thickness; 1 without thinning.
     thinnest_at : point with the smallest thickness, metres; None without thinning.
-    pairs       : number of pairs of faces that still intersect.
-    pairs_at    : point at the first of these pairs, metres.
+    pairs       : number of pairs of faces that still intersect.    pairs_at : point at the first pair, metres.
     crossings   : number of lines along which the sheet crosses itself; parts of the sheet are fused there.
-    moved       : number of vertices moved at small folds of the sheet.
-    moved_by    : largest move of these vertices, metres.
+    moved       : number of vertices moved at small folds.    moved_by : largest move of these vertices, metres.
     lost        : fraction of the sheet's volume that thinning removed.
     limited     : number of vertices of the uncut surface where sharp bends make the sheet thinner.
     smallest    : smallest remaining fraction of the thickness at these bends."""
@@ -101,8 +99,7 @@ def repair_report(
 
 
 def rounding_notes(V: Floats, F: Ints) -> tuple[str, ...]:
-    """Return a note on faces F (m, 3) that collapse when STL files round V (n, 3), metres, to single precision.
-    Return () if no face collapses."""
+    """Return a note on faces F (m, 3) that collapse if STL files round V (n, 3), m, to single precision; or ()."""
     a, b = half_edges(F)
     lost = np.arange(len(a))
     for column in V.T:
@@ -214,7 +211,6 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
 
     Repair flips wall diagonals and thins the sheet locally, down to 0.3 of D. A sheet that crosses itself is divided,
     and the solids of its parts are united. `notes` and `repairs` report the changes and the remaining intersections.
-
     Raises SolidError if the sheet is not as above, if vectors are missing, or if manifold3d rejects the result."""
     check_edges(surface)
     check_contacts(surface)
@@ -265,10 +261,7 @@ def check_solid(solid: Solid) -> None:
             f"check the sheet for edges with one or three faces"
         )
     if not solid.volume > 0:
-        raise SolidError(
-            f"the volume of the solid is {solid.volume:.3g} m3, which is not positive; make the sheet thinner or "
-            f"smoother"
-        )
+        raise SolidError(f"the solid's volume, {solid.volume:.3g} m3, is not positive; use a thinner or smoother sheet")
     size = float(np.linalg.norm(np.ptp(solid.box, axis=0)))
     if abs(judged.volume() - solid.volume) > VOLUME_TOLERANCE * solid.area * size:
         raise SolidError(
@@ -286,8 +279,7 @@ def _used_part(surface: Surface, D: Floats) -> tuple[Surface, Floats]:
     bad = np.flatnonzero(used & ~(np.isfinite(D).all(axis=1) & D.any(axis=1)))
     if len(bad):
         raise SolidError(
-            f"{len(bad)} offset vectors are zero or not finite (first: {first_few(bad)}); use the vectors that "
-            f"`offsets` returns"
+            f"{len(bad)} offset vectors are zero or not finite (first: {first_few(bad)}); use vectors from `offsets`"
         )
     return (surface, D) if used.all() else (Surface(surface.V[used], (np.cumsum(used) - 1)[surface.F]), D[used])
 

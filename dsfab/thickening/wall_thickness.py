@@ -71,8 +71,7 @@ class Facets:
 
 
 def thinnest_wall(solid: Solid) -> Wall | None:
-    """Return the thinnest wall of a solid, or None without walls.
-    Touching facets form the tip of a wedge and do not count as a wall."""
+    """Return the thinnest wall of a solid, or None. Touching facets (tip of a wedge) do not count as a wall."""
     V, F = np.array(solid.V), np.array(solid.F)
     face = _largest_faces(V, F)
     corner = np.arange(len(V))[face >= 0]

@@ -29,8 +29,7 @@ PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)
 
 
 def choose(names: Sequence[str]) -> list[Test]:
-    """Return the tests with names that begin with a text of `names`; all tests without `names`.
-    Raises StaticsError for an unknown name."""
+    """Return tests whose names begin with a text of `names`, by default all. Raises StaticsError for unknown names."""
     if not names:
         return list(TESTS.values())
     chosen: dict[str, Test] = {}

@@ -176,10 +176,9 @@ class Test:
     source    : source of the reference, and the modelled part of structure and load.
     problem   : (cells, mesh) -> Problem; `cells` counts the cells along the side that is refined.
     cells     : numbers of cells, coarse to fine.      meshes : mesh patterns.
-    within    : tolerance; None for the tolerance of the quantity.
+    within    : tolerance; None: see `quantity`.    quantity : kind of value, which decides the default tolerance.
     targets   : largest allowed relative error of the elements for displacements, by number of cells.
     limit     : value to which thin sheets converge, if different from `reference`; `targets` then refer to `limit`.
-    quantity  : kind of value, which decides the tolerance.
     beyond    : effect that thin-sheet theories lack, or "". With an effect, a value close to `limit` passes too.
     outside   : (cells, mesh) -> number of unknowns and value from a second program, or None."""
 

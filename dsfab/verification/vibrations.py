@@ -63,8 +63,7 @@ Longer tubes buckle with few waves around the circumference; shallow-shell theor
 
 
 def axial_cylinder(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter of a tube pressed along its axis.
-    The problem's value is the load N R / (E t^2) at buckling; N: force per length."""
+    """Return a quarter tube pressed along its axis. Value: load N R / (E t^2) at buckling; N: force per length."""
     uv, F = square(cells, 2 * max(1, round(cells * WAVE / np.pi)), mesh)
     turn = np.pi / 2 * uv[:, 0]
     surface = Surface(np.stack([np.cos(turn), np.sin(turn), WAVE * uv[:, 1]], axis=1), F)

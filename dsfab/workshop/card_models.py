@@ -134,9 +134,7 @@ class PanelParts:
         ]
         if self.sharp:
             nodes = names_and_count(self.sharp)
-            sentences.append(
-                f"two members meet at an angle below 25 degrees at {nodes}: glue one member on top of the other member"
-            )
+            sentences.append(f"two members meet at an angle below 25 degrees at {nodes}: glue one on top of the other")
         if self.covered:
             sentences.append(
                 f"{self.covered} bays (parts between nodes) are too short for a panel: the members at both ends cover "

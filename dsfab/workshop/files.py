@@ -195,9 +195,8 @@ BAR_HEAD = (
 def bar_rows(plan: BarPlan, files: Mapping[str, str]) -> PlanTable:
     """Return the table of bars, with nodes, sizes and angles. files : name of the drawing by bar.
     along : degrees from the node's first bar to this bar, counter-clockwise as seen from outside.
-    dip   : degrees below the node plate.
-    twist : degrees from the normal at the first node to the normal at the second node, right-handed about the bar.
-    bow   : largest distance of the member's axis from the bar (mm)."""
+    dip   : degrees below the node plate.    bow : largest distance of the member's axis from the bar (mm).
+    twist : degrees from the normal at the first node to the normal at the second node, right-handed about the bar."""
     nodes, rows = plan.bar_lattice.lattice.nodes, []
     sizes = {part.id: part.size for part in plan.parts}
     for bar in plan.bar_lattice.bars:

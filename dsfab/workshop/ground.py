@@ -44,10 +44,9 @@ class StripFoot:
 @dataclass(frozen=True, eq=False)
 class BasePlane:
     """Upper face of the base plate of a model.
-    point, up : (3,) point in the face, metres, and unit normal of the face.
+    point, up : (3,) point in the face, m, and unit normal.    clearance : gap between a tab and its slot, metres.
     supports  : (q, 3) vertices of the surface with a support, metres.
-    reach     : metres; a strip stands on a support if their distance is less than `reach` plus the strip's width.
-    clearance : gap between a tab and its slot, metres."""
+    reach     : metres; a strip stands on a support if their distance is less than `reach` plus the strip's width."""
 
     point: Floats
     up: Floats
@@ -185,9 +184,7 @@ def outline_with_feet(layer: Development, span: tuple[float, float], feet: tuple
 
 
 NAME_HEIGHT = 0.002  # height of names beside slots (m)
-NO_FEET_NOTE = (
-    "no strip meets the base plate at an angle that is steep enough for a tab: glue the model onto the engraved lines"
-)
+NO_FEET_NOTE = "no strip meets the base plate steeply enough for a tab: glue the model onto the engraved lines"
 
 
 def base_parts(
@@ -259,10 +256,7 @@ def base_notes(ground: BasePlane, feet: list[tuple[str, StripFoot]], plates: lis
     notes = [f"{len(feet)} feet of {len(names)} parts stand in slots of the base plate" if feet else NO_FEET_NOTE]
     highest = float(ground.heights(ground.supports).max())
     if highest > ground.reach:
-        notes.append(
-            f"some supports are up to {length(highest)} above the base plate: prop the strips that end at these "
-            f"supports"
-        )
+        notes.append(f"some supports are up to {length(highest)} above the base plate: prop the strips that end there")
     if len(plates) > 1:
         notes.append(f"the base plate consists of {len(plates)} pieces, side by side: glue these pieces on a board")
     return notes

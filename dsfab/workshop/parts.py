@@ -90,8 +90,7 @@ class FlatPart:
     span      : arc lengths of the member's axis at the part's two ends, metres; (0, 0) without an axis.
     outline   : (k, 2) corners, counter-clockwise, metres.
     slots     : (k, 2) closed cuts, metres.    marks : (k, 2) lines to engrave, metres.
-    layer     : height of the part's middle over the surface, metres.
-    axis      : (k, 2) middle line, metres, or (0, 2).
+    layer     : height of the part's middle over the surface, metres.    axis : (k, 2) middle line, metres, or (0, 2).
     thickness : thickness, metres; 0 for the thickness of the whole plan."""
 
     id: str

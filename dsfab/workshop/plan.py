@@ -114,8 +114,7 @@ def design_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> PlankP
     if depth < slenderness * thickness:
         raise PatternError(
             f"a plank that is {length(depth)} deep and {length(thickness)} thick is not slender enough for an upright "
-            f"plank: set "
-            f"workshop.thickness to {depth / slenderness:.2g} or less, or workshop.depth to "
+            f"plank: set workshop.thickness to {depth / slenderness:.2g} or less, or workshop.depth to "
             f"{slenderness * thickness:.2g} or more"
         )
     stock = PlankStock(thickness, depth, options.bolt, options.splice, (PART_LETTERS, NODE_LETTERS))
@@ -131,8 +130,7 @@ def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
     room = [(a - 2 * options.gap - slack, b - 2 * options.gap - slack) for a, b in options.stock]
     if min(min(size) for size in room) <= 0:
         raise PatternError(
-            "workshop.gap leaves no room for parts on the smallest sheet of the stock; give a smaller gap or larger "
-            "sheets"
+            "workshop.gap leaves no room for parts on the smallest stock sheet; use a smaller gap or larger sheets"
         )
     return room
 
@@ -384,8 +382,7 @@ def _curved_design_parts(
     lines = model_notes(limits, graph, options.model, options.bolt) if options.model else [*limits.lines]
     if edge < surface.mean_edge:
         refined = (
-            f"dsfab refined the mesh for exact holes: edges are {length(edge)} instead of {length(surface.mean_edge)} "
-            f"long"
+            f"dsfab refined the mesh for exact holes: edges are {length(edge)}, not {length(surface.mean_edge)} long"
         )
         lines = [*lines, f"{refined}, on a smooth surface"]
     notes = [*lines, *_plate_notes(plates), *_strip_notes(strips, graph, layering)]
@@ -433,8 +430,7 @@ def _alike_notes(parts: list[FlatPart], alike: list[FlatPart], distance: float) 
     before, after = len(equal_part_groups(parts)), len(equal_part_groups(alike))
     if distance:
         return [
-            f"{_quantity(len(parts), 'part')} with {after} different shapes; workshop.alike = 0 would give {before} "
-            f"different shapes"
+            f"{_quantity(len(parts), 'part')} with {after} different shapes; workshop.alike = 0 would give {before}"
         ]
     fewer = (
         f"; workshop.alike = {NEARLY_EQUAL:g} would leave at most {after} different shapes" if after < before else ""
@@ -454,13 +450,8 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
     notes = []
     if strips.shortened:
         number, missed = len(strips.shortened), _quantity(len(strips.missed_nodes), "node")
-        singular = (
-            "1 strip stops before its ends, because the strip would meet other strips of the same layer or curl up"
-        )
-        plural = (
-            f"{number} strips stop before their ends, because these strips would meet other strips of the same layer "
-            f"or curl up"
-        )
+        singular = "1 strip stops before its ends, because it would meet other strips of the same layer or curl up"
+        plural = f"{number} strips stop before their ends, because they would meet strips of the same layer or curl up"
         reason = singular if number == 1 else plural
         notes.append(f"{reason}: {names_and_count(strips.shortened)}; this leaves {missed} unreached")
     if strips.vanished:
@@ -469,9 +460,7 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
         )
     if strips.splices_near_nodes:
         splices = f"{strips.splices_near_nodes} of {strips.splice_count} splices"
-        notes.append(
-            f"{splices} are too close to a node: the cover plate or the lapped joint may overlap the crossing strip"
-        )
+        notes.append(f"{splices} are too close to a node: the cover plate or lap may overlap the crossing strip")
     if strips.missing_holes:
         holes = _quantity(len(strips.missing_holes), "hole")
         places = list(dict.fromkeys(strips.missing_holes))  # bolts of one splice share a name
@@ -487,8 +476,7 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
     level = sum(families[node.members[0]] == families[node.members[1]] for node in nodes)
     if level:
         notes.append(
-            f"at {_quantity(level, 'node')}, members of the same layer meet: notch these members, or let one end at "
-            f"the other"
+            f"at {_quantity(level, 'node')}, members of the same layer meet: notch them, or let one end at the other"
         )
     fills = sum(member.kind == "fill" for member in graph.members)
     return [*notes, f"{_quantity(fills, 'filled corner')} left open"] if fills else notes

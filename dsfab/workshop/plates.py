@@ -53,9 +53,8 @@ def plate_parts(
     missed_nodes: Container[str] = (),
 ) -> list[FlatPart]:
     """Return the given members as flat plates with holes at their nodes.
-    normals      : (n, 3) normals at the vertices of the graph's sheet.
-    height       : height of the plates over the surface, metres.    bolt : diameter of the holes, metres.
-    missed_nodes : names of nodes without a hole."""
+    normals : (n, 3) normals at the vertices of the graph's sheet.    missed_nodes : names of nodes without a hole.
+    height  : height of the plates over the surface, metres.    bolt : diameter of the holes, metres."""
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
     return [_flat_plate(graph, member, normals, (height, bolt), missed_nodes) for member in members]
 

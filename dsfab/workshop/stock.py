@@ -70,8 +70,7 @@ StockSizes = Sequence[tuple[float, float]]
 def sheet_hints(
     parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, gap: float, grain: bool = False
 ) -> list[str]:
-    """Return sentences on narrower strips or larger stock that would need fewer sheets.
-    stock, gap, grain : as for `nest_parts`."""
+    """Return hints on narrower strips or larger stock that need fewer sheets. stock, gap, grain : see `nest_parts`."""
     if len(parts) * len(sheets) > 20_000:
         return []
     return [*_narrower_hint(parts, sheets, stock, gap, grain), *_larger_hint(parts, sheets, stock, gap, grain)]

@@ -34,8 +34,7 @@ class StripBolt:
 @dataclass
 class StripParts:
     """Flat parts of all strips, and cover plates of splices.
-    missing_holes : nodes without a hole in a part, "N003 in A07".
-    splices_near_nodes : number of splices that are too close to a node.
+    missing_holes : nodes without a hole in a part, "N003 in A07".    splices_near_nodes : number of splices near nodes.
     shortened     : members that stop early, because of a collision in their layer, or a sharp turn at an end.
     vanished      : members that are not built, because they would be shorter than wide.
     missed_nodes  : (node, member) names of nodes that a shortened member does not reach.
@@ -300,8 +299,7 @@ class StripLimits:
             lines.append(
                 f"NOT TO DRILL FROM: the mesh with edges of {length(self.edge)} is too coarse, so holes may be "
                 f"{length(HOLE_FIT * (self.edge / self.wanted_edge) ** 2)} from their right places; set surface.edge "
-                f"to "
-                f"{self.wanted_edge:.2g} or less"
+                f"to {self.wanted_edge:.2g} or less"
             )
         return tuple(lines)
 
@@ -317,9 +315,8 @@ def drilling_edge(graph: MemberGraph) -> float:
 
 def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: float, edge: float) -> StripLimits:
     """Return the largest strains of all strips of a graph, and the limits.
-    surface : surface before the pattern was cut.
-    thickness, edge : thickness of the layers, and mean edge length of the mesh, metres.
-    limit   : strain at the material's strength; 0 if unknown."""
+    surface : surface before the pattern was cut.    limit : strain at the material's strength; 0 if unknown.
+    thickness, edge : thickness of the layers, and mean edge length of the mesh, metres."""
     strips = [member for member in graph.members if is_strip(member)]
     tree, K = cKDTree(surface.centroids), face_curvatures(surface)
     bends, shapes = [0.0], [0.0]

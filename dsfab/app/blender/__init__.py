@@ -35,7 +35,6 @@ def blender(
     with atomic_file(output) as path:
         path.write_text(addon(sys.executable), encoding="utf-8")
     print_result(
-        f"the add-on was written to {output}; in Blender: Preferences > Add-ons > Install from Disk, then sidebar "
-        f"(N) > dsfab"
+        f"the add-on is in {output}; in Blender: Preferences > Add-ons > Install from Disk, then sidebar (N) > dsfab"
     )
     return 0

@@ -1,7 +1,6 @@
 """dsfab in Blender: an add-on that builds a structure from the active object's mesh.
 
-`dsfab blender` writes this file. Install it in Preferences > Add-ons > Install from Disk. Its panel is in the sidebar
-(N) of the 3D view."""
+Written by `dsfab blender`. Install it in Preferences > Add-ons > Install from Disk. Its panel is in the sidebar (N)."""
 
 import os
 import re
@@ -196,8 +195,7 @@ class Build(bpy.types.Operator):
             mesh = folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', self._source)}.obj"  # the design gets the file's name
             mesh_file(context.active_object, self._metres, mesh)
             words = command(python, mesh, context.scene.dsfab, folder / "built")
-            # the output goes into a file, because a full pipe would stop the program
-            with (folder / "said.txt").open("wb") as log:
+            with (folder / "said.txt").open("wb") as log:  # a file, because a full pipe would stop the program
                 environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
                 self._process = subprocess.Popen(
                     words, stdin=subprocess.DEVNULL, stdout=log, stderr=log, cwd=folder, env=environment

@@ -17,10 +17,9 @@ from dsfab.surface import Surface
 class Control:
     """A control on the editor's page, for a key of a preset.
     kind  : number, whole, choice, switch, length (metres), words (a list), size (three lengths) or material.
-    low, high, step : range and step of the slider.
-    live    : True if the browser alone can draw a changed value.
-    word    : word that the key accepts in place of a number, such as "auto".
-    worth   : number that has the same effect as `word`, or None.
+    low, high, step : range and step of the slider.    live : True if the browser alone can draw a changed value.
+    word  : word that the key accepts in place of a number, such as "auto".
+    worth : number that has the same effect as `word`, or None.
     method  : pattern.method that has this control; '' if all methods have this control.
     instead : spacing (metres) that the page shows if the value is 0."""
 
@@ -133,13 +132,11 @@ _NO_SLITS = (
     "A dash means the default: on for evenly spaced stripes, unless the width rule is 'stressed'."
 )
 _BED = (
-    "Space in the fabrication machine along x, y and z in metres, for instance 0.25 x 0.21 x 0.2; empty: no check of "
-    "the size."
+    "Space in the fabrication machine along x, y and z in metres, for instance 0.25 x 0.21 x 0.2; empty: no size check."
 )
 
 _ACCEPT = (
-    "Build even if a load has no support, the sheet is a thin film, or a member or opening is too narrow for "
-    "fabrication."
+    "Build even if a load has no support, the sheet is a thin film, or a member or opening is too narrow to fabricate."
 )
 
 
@@ -178,8 +175,7 @@ def _method_controls() -> list[Control]:
 
 _METHOD = "modes: stripes along level lines of eigenmodes; stripes: evenly spaced stripes along the stress."
 _FAMILIES = (
-    "Families of stripes to draw. Members of a single family never cross; only the rim and kept regions connect these "
-    "members."
+    "Families of stripes to draw. Members of a single family never cross; only the rim and kept regions connect them."
 )
 _HALVE = "Where stripes crowd, every second stripe ends on a crossing member."
 _STRIPE_SYMMETRY = "auto: stripes have all symmetries of surface, supports and loads; none: dsfab ignores symmetries."

@@ -218,8 +218,7 @@ def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
 
 
 def tidied_cut(draft: Design, progress: ReportProgress | None = None) -> tuple[SlicingResult, list[str]]:
-    """Cut a draft and remove loose ends; return the result, and notes for the user.
-    Raises DsfabError if the pattern leaves no material."""
+    """Cut a draft and remove loose ends; return the result and notes. Raises DsfabError if no material is left."""
     log = Log(progress)
     cut = slicing_step(draft.preset, draft.surface, draft.statics, draft.pattern, log)
     return cut, [f"{note.stage}: {note.text}" for note in log.notes]

@@ -19,8 +19,7 @@ class Cancelled(Exception):  # noqa: N818  # no error
 
 
 class JobProgress:
-    """Reporter of a job's progress: a call reports a stage and a text.
-    The call raises Cancelled if the user has cancelled the job."""
+    """Reporter of a job's progress; a call reports a stage and a text. Raises Cancelled if the job was cancelled."""
 
     def __init__(self, stop: threading.Event, tell: ReportProgress) -> None:
         self._stop, self._tell = stop, tell

@@ -22,8 +22,7 @@ def edit(target: Design | Preset | str | Path = "dome", /, *, height: int = 640)
         design = dsfab.run(editor.preset)                   # the design on the page
 
     target : a preset, the name of a shipped preset, the path of a TOML or mesh file, or a solved design or draft.
-    height : height of the widget, pixels.
-    Raises DsfabError for another target, and without the package anywidget."""
+    height : height of the widget, pixels. Raises DsfabError for another target, and without the package anywidget."""
     try:
         from dsfab.app.editor.widget import Editor
     except ImportError:

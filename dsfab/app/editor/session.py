@@ -45,8 +45,7 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 @dataclass(frozen=True, eq=False)
 class SessionView:
-    """A draft (a design before the cut) that the page shows.
-    number  : number of the draft, from 1.
+    """A draft (a design before the cut) that the page shows. number : number of the draft, from 1.
     version : number that increases, unless the new draft differs only in widths or in chosen modes.
     opening : number of the opened preset, from 1; each opening of a preset counts."""
 
@@ -58,8 +57,7 @@ class SessionView:
 
 class Session:
     """The open preset, its last draft (a design before the cut), and builds; use as `with Session(opened)`.
-    drafted : existing draft of the open preset, or None.
-    outputs : folder for builds, with a name for the user; None for a temporary folder."""
+    drafted : existing draft, or None.    outputs : folder for builds, with a name; None for a temporary folder."""
 
     def __init__(self, opened: OpenedPreset, drafted: Design | None = None, outputs: Outputs | None = None) -> None:
         self.jobs = Jobs()
@@ -212,8 +210,7 @@ class Session:
         return self.jobs.submit("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
     def first_model(self) -> bytes:
-        """Return the last draft as a message for a new page; b'' if there is no draft.
-        This function waits for the first draft or sketch."""
+        """Return the last draft as a message for a new page, or b''. Waits for the first draft or sketch."""
         shown = self._shown
         while shown is None and self._asked and self.jobs.pending(self._asked[0]):
             time.sleep(0.01)

@@ -21,8 +21,7 @@ class Editor(anywidget.AnyWidget):
     """The editor's page in a notebook.
 
     changes : changed values of the open preset, by dotted key. Assign a new dict; invalid values raise PresetError.
-    view    : camera, section plane, colours and layers of the page.
-    height  : height of the widget, pixels."""
+    view : camera, section plane, colours and layers of the page.    height : height of the widget, pixels."""
 
     changes = traitlets.Dict().tag(sync=True)
     view = traitlets.Dict().tag(sync=True)

@@ -24,8 +24,7 @@ _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 class Outputs:
-    """The folder `home`, with a subfolder for each build.
-    label : name of `home` in messages; '' for a temporary folder."""
+    """The folder `home`, with a subfolder for each build. label : name of `home` in messages; '' if temporary."""
 
     def __init__(self, home: Path, shown: str = "") -> None:
         self.home, self.label = home, shown
@@ -89,10 +88,9 @@ MATERIAL = "statics.material"  # Key whose value decides the thickness in a prop
 
 @dataclass(frozen=True)
 class OpenedPreset:
-    """A preset and its origin.
-    words   : arguments of `dsfab build` for this preset; empty for a preset from the browser.
-    mesh    : name of the mesh file that the user dropped on the page; '' without a file.
-    decided : decisions of dsfab when it proposed the preset for a mesh."""
+    """A preset and its origin. decided : decisions of dsfab when it proposed the preset for a mesh.
+    words : arguments of `dsfab build` for this preset; empty for a preset from the browser.
+    mesh  : name of the mesh file that the user dropped on the page; '' without a file."""
 
     preset: Preset
     words: tuple[str, ...] = ()
@@ -146,16 +144,14 @@ class OpenedPreset:
             known_names = {str(open_mesh), self.mesh, open_mesh.name} if open_mesh else set()
             if file_named not in known_names:
                 raise PresetError(
-                    f"the preset needs the mesh file {Path(file_named).name}; drop the mesh file on the page first, "
-                    f"then the preset"
+                    f"the preset needs the mesh file {Path(file_named).name}; drop it on the page, then the preset"
                 )
             surface["file"], mesh = str(open_mesh), self.mesh
         values.setdefault("name", "preset")
         preset = guessed_preset(preset_from(values))
         if unknown_drawings := _drawing_files(preset) - _drawing_files(self.preset):
             raise PresetError(
-                f"the preset needs the drawing {_file_names(unknown_drawings)}; open the preset with dsfab edit "
-                f"FILE.toml"
+                f"the preset needs the drawing {_file_names(unknown_drawings)}; open the preset by dsfab edit FILE.toml"
             )
         return OpenedPreset(preset, (), mesh, self.decided if mesh else ())
 
@@ -190,8 +186,7 @@ def opened_shipped(name: str) -> OpenedPreset:
 
 @dataclass(frozen=True)
 class MeshRequest:
-    """A request to open a mesh. path : file on this machine.    name : file name in messages.
-    unit : unit of the file's numbers; None if unknown."""
+    """A request to open the mesh `path`. name : file name in messages.    unit : unit of the file; None if unknown."""
 
     path: Path
     name: str

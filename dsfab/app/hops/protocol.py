@@ -37,8 +37,7 @@ class HopsError(DsfabError):
 
 @dataclass(frozen=True)
 class HopsParameter:
-    """An input or output of a component.
-    is_list : True for a list.    is_required : True if the user must connect the input."""
+    """An input or output of a component. is_list : True for a list.    is_required : True if the input is required."""
 
     name: str
     nickname: str

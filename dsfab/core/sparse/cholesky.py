@@ -245,8 +245,7 @@ def _unknowns_of_points(begin: Ints, points: Ints) -> Ints:
 
 
 class Multifrontal:
-    """Factor of a positive definite matrix K: a call with b, (N,) or (N, k), returns K^-1 b.
-    Raises NotPositiveDefinite."""
+    """Factor of a positive definite K: a call with b, (N,) or (N, k), returns K^-1 b. Raises NotPositiveDefinite."""
 
     def __init__(self, K: csr_array, fronts: Fronts) -> None:
         self._fronts = fronts

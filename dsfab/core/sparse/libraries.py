@@ -30,10 +30,8 @@ SUPERLU_OPTIONS = {"SymmetricMode": True, "Equil": False}
 
 
 class SuperLU:
-    """Factor of a positive definite matrix; a call with b, (N,) or (N, k), returns K^-1 b.
-    order    : (N,) elimination order.
-    definite : True skips the test that K is positive definite.
-    Raises NotPositiveDefinite."""
+    """Factor of a positive definite matrix; a call with b, (N,) or (N, k), returns K^-1 b. Raises NotPositiveDefinite.
+    order : (N,) elimination order.    definite : True skips the test that K is positive definite."""
 
     def __init__(
         self, K: csr_array, points: Floats, node: Ints, order: Ints | None = None, definite: bool = False
@@ -117,8 +115,7 @@ class Pardiso:
 
     def __init__(self, K: Matrix, blocks: bool = False) -> None:
         os.environ.setdefault("MKL_CBWR", "AUTO")  # repeatable sums, so that equal presets give equal files
-        # idle threads sleep at once; otherwise they would take time from other processes
-        os.environ.setdefault("KMP_BLOCKTIME", "0")
+        os.environ.setdefault("KMP_BLOCKTIME", "0")  # idle threads sleep at once, to take no time from others
         _set_mkl_path()
         from pypardiso import PyPardisoSolver
 
@@ -202,9 +199,8 @@ def has_pyamg() -> bool:
 
 
 class Multigrid:
-    """Solver for the stiffness of thin sheets; a call with b, (N,) or (N, k), returns K^-1 b.
-    The method is smoothed aggregation [Vanek, Mandel and Brezina 1996].
-    rigid : (N, 6) values of the unknowns in six rigid motions.
+    """Solver for thin sheets by smoothed aggregation [Vanek, Mandel and Brezina 1996]: a call with b returns K^-1 b.
+    b     : (N,) or (N, k).    rigid : (N, 6) values of the unknowns in six rigid motions.
     Raises ConvergenceError if the relative residual exceeds 1e-9."""
 
     def __init__(self, K: csr_array, node: Ints, rigid: Floats) -> None:
@@ -252,9 +248,8 @@ class Multigrid:
         accepted = 1e-9  # relative residual
         if residual > accepted * load_norm:
             raise ConvergenceError(
-                f"the multigrid solver stopped at a relative residual of {residual / load_norm:.1e} (wanted: "
-                f"{accepted:g}); use a coarser or more regular mesh, a thicker sheet, or a machine with more memory "
-                "for a direct solver"
+                f"multigrid stopped at a relative residual of {residual / load_norm:.1e} (wanted: {accepted:g}); use "
+                "a coarser or more regular mesh, a thicker sheet, or more memory for a direct solver"
             )
         return np.asarray(x)
 

@@ -126,8 +126,7 @@ STEERED = ("along", "guided", "over")  # Fields of `StripeSteering` in the archi
 
 
 def field_arrays(key: str, field: Field) -> Arrays:
-    """Return the arrays that store a field in the archive, by name.
-    key : name of the array that holds the values."""
+    """Return the arrays that store a field in the archive, by name. key : name of the array that holds the values."""
     if isinstance(field, DividedField):
         divided = field.divided
         rows = {"data": divided.weights.data, "indices": divided.weights.indices, "indptr": divided.weights.indptr}
@@ -228,8 +227,7 @@ _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFil
 
 def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
     """Return the preset to write into the folder of a build; write a mesh that came from Python to a file in `folder`.
-    home : final path of `folder` after the build.
-    Raises SurfaceError if a drawing file is missing."""
+    home : final path of `folder` after the build. Raises SurfaceError if a drawing file is missing."""
     preset = preset.self_contained()
     section = preset.surface
     if isinstance(section, MeshSurface):

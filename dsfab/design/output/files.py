@@ -36,8 +36,7 @@ if TYPE_CHECKING:
 
 class OpenedSurface(NamedTuple):
     """A one-sided surface, such as a Moebius strip, after a cut along a seam.
-    given   : surface before the cut, with n vertices and m faces.
-    turned  : (m,) mask of faces that were turned over, to orient all faces alike.
+    given   : uncut surface, n vertices, m faces.    turned : (m,) mask of faces turned over, to orient all alike.
     surface : surface after the cut, with more vertices (n') and the same order of faces.
     twins   : (k, 2) pairs of vertices of `surface` that have equal positions, on opposite sides of the seam."""
 
@@ -179,8 +178,7 @@ def _seam(surface: Surface) -> Bools:
 def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
     """Write one file in the format of the suffix of `path`, and check it; return the path. A design gives the same
     file as `dsfab build` or `dsfab export`. A solid, a sheet or a surface gives a file with its mesh.
-    options : keywords of `dsfab.export.write`, which replace values of the preset.
-    Raises ExportError if the file cannot be written."""
+    options : keywords of `dsfab.export.write` that replace values of the preset. Raises ExportError on failure."""
     if not isinstance(item, Design):
         return written(item.surface if isinstance(item, Sheet) else item, path, **options)
     format_of(Path(path))

@@ -26,13 +26,11 @@ UNITS = "lengths in metres, forces in newtons, Young's modulus and stresses in p
 @dataclass(frozen=True, eq=False)
 class CalculixModel:
     """Finite element model of a sheet: p nodes, m six-node triangles, supports and loads.
-    nodes     : (p, 3) coordinates, m.
+    nodes     : (p, 3) coordinates, m.    thickness : m.    young : Young's modulus, Pa.    density : kg/m3.
     triangles : (m, 6) node numbers: three corners, then the middle of the edge after each corner.
-    thickness : m.    young : Young's modulus, Pa.    density : kg/m3.
     steps     : (p, 3) forces on the nodes, N, by name of the load step.
     supports  : (p, 3) True for fixed directions of the nodes, by name of the support (capital letters).
-    clamped   : (p,) True for nodes with fixed rotations; only for S6 shells.
-    springs   : (p, 3) stiffness of springs to the ground, N/m.
+    clamped   : (p,) True for fixed rotations; only for S6.    springs : (p, 3) stiffness of springs to the ground, N/m.
     Raises ExportError if shapes disagree, steps or supports are missing, or CPS6 triangles leave the plane z = 0."""
 
     nodes: Floats
@@ -82,8 +80,7 @@ class CalculixModel:
 
 
 def write_calculix(model: CalculixModel, path: str | Path) -> Path:
-    """Write a model to an .inp file; return the path.
-    The command `ccx NAME` (without .inp) then writes results to NAME.frd and NAME.dat.
+    """Write a model as .inp file; return the path. `ccx NAME` (without .inp) writes results to NAME.frd and NAME.dat.
     Raises ExportError if the suffix is not .inp, or if the file cannot be written."""
     path = Path(path)
     if path.suffix != ".inp":

@@ -294,8 +294,7 @@ def check(part: Part, path: Path) -> ReadBack:
         require_equal(part, f"rows of {sheet.name}", len(sheet.rows) + (1 if sheet.head else 0), len(rows))
         if sheet.head and tuple(rows[0]) != sheet.head:
             raise ExportError(
-                f"the sheet {sheet.name} of {part.name!r} has other column names when the file is read back; write "
-                f"the file again"
+                f"the sheet {sheet.name} of {part.name!r} has other column names when read back; write the file again"
             )
     points = _coordinates(cells["StructuralPointConnection"][1:])
     expected = _coordinates([list(row) for row in _sheet(sheets, "StructuralPointConnection").rows])

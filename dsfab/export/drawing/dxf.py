@@ -225,8 +225,7 @@ def check_members(part: Part, path: Path) -> ReadBack:
         length_expected = polyline_length(shape.axis) + sum(map(polyline_length, shape.edges))
         if not abs(length_read - length_expected) <= 10 * READ_BACK * length_expected:
             raise ExportError(
-                f"the lines of {shape.id} in {part.name!r} differ when the file is read back; write .members.json "
-                f"instead"
+                f"the lines of {shape.id} in {part.name!r} differ when the file is read back; write .members.json"
             )
         total, total_expected = total + length_read, total_expected + length_expected
     return ReadBack(len(shapes), "members", total / total_expected - 1, "length")

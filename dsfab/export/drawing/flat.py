@@ -142,8 +142,7 @@ def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
 
 
 def flat_svg(drawing: FlatDrawing, hair: float = 0.0) -> bytes:
-    """Return a drawing as the bytes of an SVG file at full size, with layers for Inkscape.
-    hair : width of the lines, m; 0 for the default."""
+    """Return the bytes of a full-size SVG file with layers for Inkscape. hair : width of lines, m; 0 for a default."""
     return "".join(_svg(drawing, MM_PER_M * hair)).encode()
 
 
@@ -160,8 +159,7 @@ def _svg(drawing: FlatDrawing, thin: float) -> Iterator[str]:
         f"<title>{escape(one_line(drawing.title))}</title>\n<desc>Full size, millimetres; dsfab {__version__}</desc>\n"
     )
     for name in drawing.layers:
-        # text 8 mm high must stay legible on sheets of several metres
-        width = min(hair, 0.8) if name == "ENGRAVE" else hair
+        width = min(hair, 0.8) if name == "ENGRAVE" else hair  # text 8 mm high must stay legible
         style = f"fill: none; stroke: {STROKES[name]}; stroke-width: {width:.3f}; stroke-linejoin: round"
         yield f'<g inkscape:groupmode="layer" inkscape:label={quoteattr(name)} id="{name}" style="{style}">\n'
         yield from _svg_layer(drawing, name, shift)

@@ -68,8 +68,7 @@ class Fault:
 
 @dataclass(frozen=True, eq=False)
 class Soundness:
-    """Faults and measures of a mesh.
-    faults    : empty for a sound mesh.
+    """Faults and measures of a mesh. faults : empty for a sound mesh.
     pinches   : number of points where two parts touch. This is not a fault.
     shells    : number of closed surfaces; a hollow body has two.    pieces : number of connected bodies.
     crossings : (k, 2) pairs of triangles that cross.    tested : True if crossings were tested.

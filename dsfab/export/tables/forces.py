@@ -66,8 +66,7 @@ def check_sheet(part: Part, path: Path) -> ReadBack:
         expected = np.stack([*faces.values(), *_scalars(_columns(forces)).values()], axis=1)
         if not (np.abs(block[:, 1:] - expected) <= READ * np.abs(expected).max(axis=0)).all():
             raise ExportError(
-                f"the section forces of {part.name!r} under {case} differ when the file is read back; write "
-                f".forces.vtu instead"
+                f"the section forces of {part.name!r} under {case} differ when the file is read back; write .forces.vtu"
             )
     return ReadBack(len(numbers), "rows")
 
@@ -201,8 +200,7 @@ def check_workbook(part: Part, path: Path) -> ReadBack:
             or not (np.abs(numbers - expected) <= NUMBERS_READ_BACK * np.abs(expected).max()).all()
         ):
             raise ExportError(
-                f"the forces of {name} of {part.name!r} differ when the file is read back; write member_forces.csv "
-                f"instead"
+                f"the forces of {name} of {part.name!r} differ when the file is read back; write member_forces.csv"
             )
         count += len(expected)
     return ReadBack(count, "rows")
@@ -248,8 +246,7 @@ def _largest(members: Mapping[str, "MemberForces"]) -> Iterator[list[Any]]:
 
 UTILISATION_NOTES = (
     "utilisation: force divided by resistance, for each bay of the members, the largest value first; the limit is 1",
-    "units: metres, newtons, newton metres; forces as in member_forces.csv, for the section with the largest "
-    "utilisation",
+    "units: metres, newtons, newton metres; forces as in member_forces.csv, for the section of largest utilisation",
 )
 HEAD = ("member", "bay", "utilisation", "check", "clause", "case", "along [m]", "width [m]", "thickness [m]", "bay [m]")
 

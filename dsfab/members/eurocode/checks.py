@@ -17,10 +17,8 @@ from dsfab.members.frame import STATIONS, MemberForces, torsion_constant
 class MemberBays:
     """The b bays (parts between nodes) of all members, each with five stations; lengths in metres.
     member    : (b,) name of the member.    name : (b,) names of the bay's two nodes, "N012 N013".
-    s         : (b, 5) arc length along the axis of the member.
-    width     : (b, 5) width of the section.    thickness : thickness of all sections.
-    length    : (b,) distance between the nodes along the axis.
-    curvature : (b, 5) normal curvature of the axis, 1/m.
+    s         : (b, 5) arc length along the axis.    width : (b, 5) of the section.    thickness : of all sections.
+    length    : (b,) distance between the nodes along the axis.    curvature : (b, 5) normal curvature of the axis, 1/m.
     forces    : by load case, (b, 5, 6): N, Vy, Vz in N; Mt, My, Mz in Nm.
 
           z, normal      width along y, thickness along z:

@@ -9,8 +9,7 @@ MPA = 1e6
 
 @dataclass(frozen=True)
 class SteelGrade:
-    """A steel grade.
-    yields : pairs of a largest plate thickness (m) and the yield strength up to it (Pa), thin plates first."""
+    """A steel grade. yields : pairs of a thickness (m) and the yield strength up to it (Pa), thin plates first."""
 
     name: str
     yields: tuple[tuple[float, float], ...]
@@ -51,9 +50,8 @@ Product = Literal["solid timber", "glulam", "LVL"]
 @dataclass(frozen=True)
 class TimberGrade:
     """A timber grade. Strengths along the grain, Pa: bending `fm`, tension `ft`, compression `fc`, shear `fv`.
-    ft90     : tension across the grain; 0 if the standard of the product has none.
-    E05, G05 : 5 % quantiles of the moduli, Pa.    fm_flat, fv_flat : strengths in flatwise bending, Pa.
-    size     : exponent s of the size effect of LVL."""
+    ft90     : tension across the grain; 0 if the standard has none.    size : exponent s of the size effect of LVL.
+    E05, G05 : 5 % quantiles of the moduli, Pa.    fm_flat, fv_flat : strengths in flatwise bending, Pa."""
 
     name: str
     product: Product

@@ -27,8 +27,7 @@ UNCHECKED = (
 
 @dataclass(frozen=True)
 class Rules:
-    """Rules for checking members.
-    young, shear : elastic moduli, Pa.    strength : Pa, for a material without a standard in dsfab.
+    """Rules for checking members. young, shear : elastic moduli, Pa.    strength : Pa, if no standard applies.
     durations : load duration of each case.    loads : sentence on the loads.
     combined : True if the cases are load combinations with partial factors."""
 
@@ -97,10 +96,7 @@ def _steel_words(grade: SteelGrade, factors: SteelFactors, thickness: float) -> 
     yield f"Strengths: {grade.source}, plates of {length(thickness)}."
     if not grade.covers(thickness):
         limit = length(grade.yields[-1][0])
-        (
-            yield f"The table of strengths ends at {limit}; plates of {length(thickness)} get the last value of the "
-            f"table, which is too high."
-        )
+        yield f"The table of strengths ends at {limit}; {length(thickness)} plates get its last value (too high)."
     yield f"Partial factors: gamma_M0 = {factors.gamma_m0:g}, gamma_M1 = {factors.gamma_m1:g} (6.1)."
     yield (
         f"Buckling length: {factors.buckling_length:g} times the distance between nodes for both axes, buckling curve "
@@ -128,20 +124,11 @@ def _timber_words(grade: TimberGrade, rules: Rules) -> Iterator[str]:
     times = sorted({(k_mod(d, factors.service_class), d) for d in rules.durations.values()})
     listed = ", ".join(f"{value:g} ({name})" for value, name in times)
     yield f"k_mod in service class {factors.service_class} for the shortest load in each case: {listed} (table 3.1)."
-    (
-        yield f"Buckling length about both axes: {factors.buckling_length:g} times the distance between nodes (6.3.2, "
-        f"6.3.3)."
-    )
+    yield f"Buckling length, both axes: {factors.buckling_length:g} times the distance between nodes (6.3.2, 6.3.3)."
     yield "The grain follows the axis of the member; stress at an angle to the grain (6.2.2) is not checked."
     if not grade.ft90:
-        (
-            yield "Tension across the grain of curved members (6.4.3) is not checked: no such strength is declared "
-            "for the product."
-        )
-    (
-        yield "Size factors above 1 (3.2, 3.3) are not used. Shear includes k_cr (6.1.7). Torsion is checked "
-        "separately (6.1.8)."
-    )
+        yield "Tension across the grain of curved members (6.4.3) is not checked: the product declares no strength."
+    yield "Size factors above 1 (3.2, 3.3) are unused. Shear includes k_cr (6.1.7). Torsion has its own check (6.1.8)."
     if factors.layer:
         yield (
             f"Straight layers of {length(factors.layer)} are bent into shape: the stress E t kn / 2 from this adds to "

@@ -28,8 +28,7 @@ BOTH = CodeCheck("buckling and bending", f"{STANDARD} 6.3.3 (6.61), (6.62)")
 
 @dataclass(frozen=True)
 class SteelFactors:
-    """Factors in the checks of steel members.
-    curve    : buckling curve for flexural buckling [EN 1993-1-1, table 6.2].
+    """Factors in the checks of steel members. curve : curve for flexural buckling [EN 1993-1-1, table 6.2].
     gamma_m0 : partial factor for sections.    gamma_m1 : partial factor for members that may buckle [6.1].
     buckling_length : buckling length / distance between nodes."""
 

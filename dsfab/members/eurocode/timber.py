@@ -38,11 +38,9 @@ BEAM = CodeCheck("stability as a beam", f"{STANDARD} 6.3.3 (6.33), (6.35)")
 
 @dataclass(frozen=True)
 class TimberFactors:
-    """Factors in the checks of timber members.
-    service_class : 1 heated, 2 under a roof, 3 in the open.
-    gamma_m       : partial factor; None for the factor of table 2.3.
-    buckling_length : buckling length divided by the distance between nodes.
-    layer         : thickness (m) of layers that are bent into shape; 0 for members made in their final shape."""
+    """Factors in the checks of timber members. service_class : 1 heated, 2 under a roof, 3 in the open.
+    gamma_m : partial factor; None: use table 2.3.    buckling_length : buckling length / distance between nodes.
+    layer   : thickness (m) of layers that are bent into shape; 0 for members made in their final shape."""
 
     service_class: ServiceClass = 2
     gamma_m: float | None = None

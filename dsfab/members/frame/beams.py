@@ -18,8 +18,7 @@ SHORT = 1e-3  # Least distance between two nodes of a member, as a fraction of i
 
 
 class BeamRow(NamedTuple):
-    """A straight beam.
-    ends   : numbers of the two nodes.    normal : (3,) local z axis.    width : m.
+    """A straight beam. ends : numbers of the two nodes.    normal : (3,) local z axis.    width : m.
     shift  : distance (m) from the beam's axis to the middle of the material's width, positive to the left.
     member : number of the member; -1 for a link, which only joins two nodes.
     stout  : width / length of the bay (part between nodes), at most 1; 0 for a link."""
@@ -205,8 +204,7 @@ class NodeSupports:
 
 
 def supports_at_nodes(load: LoadCase, surface: Surface, points: Floats, beams: Beams) -> NodeSupports:
-    """Return the supports of a sheet (shell model), transferred to the nearest nodes of the beams.
-    points : (n, 3) nodes, metres."""
+    """Return the supports of a sheet (shell model), moved to the nearest of the beams' nodes `points` (n, 3), m."""
     V, clamped = surface.V, _clamped_vertices(surface, load)
     vertices = np.flatnonzero(load.supported | clamped)
     places = nearest_beams(V[vertices], points, beams)

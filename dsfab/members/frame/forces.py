@@ -130,11 +130,9 @@ COMPONENTS = ("N", "Vy", "Vz", "Mt", "My", "Mz")
 @dataclass(frozen=True, eq=False)
 class MemberForces:
     """Section forces of a member at k stations (points of the axis).
-    s, width : (k,) arc length along the axis, and width of the section, metres.
-    bay      : (k,) names of the bay's nodes, "N012 N013".
-    forces   : by case and combination, (k, 6): N, Vy, Vz in newtons, and Mt (about the axis), My, Mz in newton
-               metres. Positive N is tension. Positive My causes tension on the side of the surface normal, and positive
-               Mz on the right side."""
+    s, width : (k,) arc length and width of the section, metres.    bay : (k,) names of the bay's nodes, "N012 N013".
+    forces   : by case and combination, (k, 6): N, Vy, Vz in N, and Mt (about the axis), My, Mz in Nm. Positive N is
+               tension. Positive My causes tension on the side of the surface normal, positive Mz on the right side."""
 
     member: str
     s: Floats

@@ -24,8 +24,7 @@ def fitting(halves: Floats, length: float) -> Floats:
 
 @dataclass(eq=False)
 class AxisJoints:
-    """Nodes on the axes of members.
-    points, names : position (3,) and name of each node.
+    """Nodes on the axes of members. points, names : position (3,) and name of each node.
     on     : for each member, pairs (arc length in metres, node number) of the nodes on the axis.
     links  : (node, node, width in metres) for each link, a beam that only joins two nodes.
     ends   : for each member, the arc lengths (m) at which the first beam begins and the last beam ends.

@@ -18,8 +18,7 @@ SHEAR = 5 / 6  # Shear area of a rectangle divided by its area [Timoshenko 1921]
 
 
 def torsion_constant(width: Floats, thickness: Floats) -> Floats:
-    """Return St. Venant's torsion constant of rectangles, m4 [Roark, table 10.1, case 4].
-    width, thickness : (b,) metres."""
+    """Return St. Venant's torsion constant (b,) of rectangles, m4, from lengths in m [Roark, table 10.1, case 4]."""
     a, t = np.maximum(width, thickness), np.minimum(width, thickness)
     slim = t / a
     return np.asarray(a * t**3 * (1 / 3 - 0.21 * slim * (1 - slim**4 / 12)))
@@ -51,12 +50,10 @@ class Frame:
              | /
 
     points    : (n, 3) metres.    nodes : (n,) names.    ends : (b, 2) nodes of each beam.
-    normal    : (b, 3) unit vectors, local z of each beam.
+    normal    : (b, 3) unit vectors, local z of each beam.    member : (b,) number in `members` (names); -1 for a link.
     width     : (b,) metres, along local y.    thickness : (b,) metres, along local z.
-    member    : (b,) number in `members` (names); -1 for a link.
     fixed     : (n, 6) True for a fixed unknown.    spring : (n, 6) stiffness, N/m and Nm.
-    loads     : (n, 6) newtons and newton metres, by case.
-    combinations : factors of the cases, by name of the combination.
+    loads     : (n, 6) N and Nm, by case.    combinations : factors of the cases, by name of the combination.
     actions   : permanent, snow, wind or variable, by case; {} if unknown.
     eccentricity : (b,) metres from the beam to the middle of the material, along local y.
     stout     : (b,) width / length of the bay (part between nodes), at most 1; 0 for links."""
@@ -137,8 +134,7 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class FrameAnswer:
-    """Solution of a frame under a load.
-    u        : (n, 6) displacements, metres, and rotations, radians.
+    """Solution of a frame under a load. u : (n, 6) displacements, metres, and rotations, radians.
     reaction : (n, 6) forces and moments of supports and springs on the frame, N and Nm.
     end      : (b, 2, 6) section forces at the two ends, in the beam's local axes: N, Vy, Vz in N; Mt, My, Mz in Nm.
                The section's outward normal is local x. Positive N is tension.
@@ -156,8 +152,7 @@ class FrameAnswer:
 
 def solve_frame(frame: Frame, shear: bool = True) -> dict[str, FrameAnswer]:
     """Return the solutions of a frame by name, for its cases and combinations.
-    shear : False for beams without shear deformation.
-    Raises StaticsError for a frame that is free to move."""
+    shear : False for beams without shear deformation.    Raises StaticsError for a frame that is free to move."""
     k, turn = local_stiffness(frame, shear), _turn(frame)
     K = _stiffness_matrix(frame, np.einsum("bji,bjk,bkl->bil", turn, k, turn))
     free = ~frame.fixed.ravel()
@@ -236,8 +231,7 @@ def _moves(frame: Frame) -> str:
     held_nodes = int(frame.fixed.any(axis=1).sum())
     return (
         f"the beam model of {len(frame.members)} members can move freely, although {held_nodes} of "
-        f"{len(frame.points)} nodes are supported; add supports, or connect the loose members (see the nodes in "
-        f"members.json)"
+        f"{len(frame.points)} nodes are supported; add supports, or connect the loose members (see members.json)"
     )
 
 

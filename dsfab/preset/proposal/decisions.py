@@ -112,8 +112,7 @@ def propose(
     wishes: MeshWishes = NO_WISHES,
 ) -> Proposal:
     """Return the proposed preset with its text and decisions (choices with reasons); see `preset_for`.
-    max_triangles : largest number of triangles in a mesh file.
-    raw           : content of the file, if the caller has read it."""
+    max_triangles : largest number in a mesh file.    raw : content of the file, if the caller has read it."""
     axis = vertical_axis(up)
     name = material_named(material).name if material else None
     if isinstance(mesh, str | Path):
@@ -206,10 +205,7 @@ def _questions(proposal: Proposal) -> Iterator[str]:
             )
     if winner.score < DOUBT:
         guess = place_words(proposal.plan.stands)
-        (
-            yield f"what supports {mesh.name}? dsfab guesses {guess}; if this guess is wrong, name the supports with "
-            f"--stand"
-        )
+        yield f"what supports {mesh.name}? dsfab guesses {guess}; if this is wrong, name the supports with --stand"
 
 
 def _fills(surface: Surface, size: Sizes) -> bool:

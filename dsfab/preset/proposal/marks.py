@@ -27,8 +27,7 @@ def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
     by_layer = marks_on_layers(path, MARK_LAYERS, metres_per(str(user_mesh.keys["unit"])))
     if by_layer and user_mesh.keys.get("up", "z") != "z":
         raise SurfaceError(
-            f"{path} has marks on layer {next(iter(by_layer))!r}, but z does not point up; turn the drawing so that z "
-            f"points up, and save the drawing again"
+            f"{path} has marks on layer {next(iter(by_layer))!r}, but z does not point up; turn and save the drawing"
         )
     origin = user_mesh.keys.get("origin")
     return {word: layer_marks.about(origin) for word, layer_marks in by_layer.items()} if origin else by_layer

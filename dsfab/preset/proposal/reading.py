@@ -89,8 +89,7 @@ GUESSED = ("mm", "cm", "m", "in", "ft")  # Units that dsfab considers for files 
 
 @dataclass(frozen=True)
 class Decision:
-    """A decision of dsfab for the user's preset.
-    topic  : one or two words.    choice : the chosen value, with its reason.
+    """A decision of dsfab for the user's preset. topic : one or two words.    choice : chosen value, with its reason.
     change : key of the preset, or option of the command, that changes the choice."""
 
     topic: str
@@ -100,8 +99,7 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class UserMesh:
-    """The user's mesh as a surface (metres, z up).
-    keys     : keys of [surface].    choice : chosen unit, vertical axis and supports.
+    """The user's mesh as a surface (metres, z up). keys : of [surface].    choice : unit, vertical axis and supports.
     places   : supported parts, in coordinates of `surface`.    repaired : a sentence for each repair of the mesh."""
 
     surface: Surface
@@ -121,10 +119,8 @@ def mesh_in_file(
     raw: RawMesh | None = None,
     wishes: MeshWishes = NO_WISHES,
 ) -> UserMesh:
-    """Return the mesh in a file.
-    unit, up : unit and vertical axis; None lets dsfab choose.
-    raw      : content of the file, if known.    wishes : parts of the file and supports that the user wants.
-    Raises SurfaceError."""
+    """Return the mesh in a file. unit, up : unit and vertical axis; None lets dsfab choose.    Raises SurfaceError.
+    raw : content of the file, if known.    wishes : parts of the file and supports that the user wants."""
     raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES, unit, wishes.only)
     finite_faces(path, raw)
     scan, usual = is_scan(raw.V, raw.F), unit or unit_guess(raw)

@@ -60,8 +60,7 @@ def depth_within(points: Floats, middle: Floats) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """A closed free edge (boundary loop), or a part of an edge.
-    loop   : number of the boundary loop of the coarse surface.
+    """A closed free edge (boundary loop), or a part of an edge. loop : number of the loop on the coarse surface.
     points : (k, 3) points in equal steps along the edge, metres. A closed edge does not repeat its first point.
     closed : True for a whole loop."""
 
@@ -268,8 +267,7 @@ class Shape:
         return np.setdiff1d(self.hollows, np.concatenate([*self.surface.loops, np.zeros(0, dtype=np.int64)]))
 
     def below(self, plan: Floats) -> Floats:
-        """Return the positions (k, 3) of the vertices nearest in plan to the points `plan` (j, 2).
-        Points outside the sheet are left out."""
+        """Return the position (k, 3) of the vertex nearest in plan to each point of `plan` (j, 2) within the sheet."""
         away, vertex = (np.atleast_1d(values) for values in cKDTree(self.surface.V[:, :2]).query(plan))
         return np.asarray(self.surface.V[vertex[away < 0.05 * self.width]])
 

@@ -24,8 +24,7 @@ MODEL = 3.0  # Surfaces smaller than this (m) count as printed models.
 
 @dataclass(frozen=True)
 class Sizes:
-    """Proposed lengths in metres.
-    edge    : edge length of the mesh; 0 if the user's mesh does not change.
+    """Proposed lengths in metres. edge : edge length of the mesh; 0 if the user's mesh does not change.
     own     : mean edge length of the user's mesh.
     bridged : span between the supports if it is far longer than the shorter side of the plan, else 0."""
 

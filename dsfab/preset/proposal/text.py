@@ -21,9 +21,8 @@ SHARE = 0.45  # Share of the surface that stays material.
 
 @dataclass(frozen=True, eq=False)
 class ProposedValues:
-    """Values of a proposed preset.
-    built_in : True if the supports are clamped.    loads : pressures (Pa) by name, without the weight.
-    roof     : kind of roof for wind loads."""
+    """Values of a proposed preset. built_in : True if the supports are clamped.    roof : kind of roof for wind loads.
+    loads : pressures (Pa) by name, without the weight."""
 
     size: Sizes
     stands: tuple[SupportPlace, ...]
@@ -34,8 +33,7 @@ class ProposedValues:
 
 
 def proposal_text(user_mesh: UserMesh, plan: ProposedValues, keys: Mapping[str, Any], notes: Mapping[str, str]) -> str:
-    """Return the preset as TOML with comments.
-    keys : keys of [surface] that define the mesh.    notes : reasons for decisions, by topic."""
+    """Return the preset as TOML with comments. keys : of [surface].    notes : reasons for decisions, by topic."""
     size, stands, marks = plan.size, plan.stands, plan.marks
     surface, stand = user_mesh.surface, () if "support" in marks else stands
     file = "" if "origin" in keys else str(keys.get("file"))  # `origin` does not move the file's curves

@@ -17,9 +17,8 @@ ROWS, COLUMNS = 58, 2  # Rows and columns of bars on a page.
 
 BAR_RULE = (
     "Assemble the bars from the supports upwards, in the order of the heights of the middles of the bars. Before you "
-    "lift the "
-    "first bar of a plate, bolt the plate beneath this bar. Use the arm of the plate that has the bar's name. Prop "
-    "every bar that nothing holds yet, until its neighbours are bolted."
+    "lift the first bar of a plate, bolt the plate beneath this bar. Use the arm of the plate that has the bar's name. "
+    "Prop every bar that nothing holds yet, until its neighbours are bolted."
 )
 """Rule for the order of `bar_steps`, printed for the builders."""
 BARS_UNCHECKED = (
@@ -67,10 +66,9 @@ BAR_TABLE_HEADS = ("bar", "from", "to", "length", "along", "dip", "along", "dip"
 BAR_TABLE_PLACES = (0.0, 20.0, 46.0, 92.0, 107.0, 120.0, 136.0, 149.0, 164.0, 178.0)
 BAR_TABLE_NOTE = (
     "'Length' is the cut length of the bar in millimetres. At the first and the second node, 'along' is the bar's "
-    "direction, in "
-    "degrees from the plate's first arm, counter-clockwise as seen from outside; 'dip' is the bar's angle below the "
-    "plate. 'Twist' is the rotation between both ends in degrees, right-handed. 'Bow' is the largest distance from "
-    "the bar to the curved axis in millimetres."
+    "direction, in degrees from the plate's first arm, counter-clockwise as seen from outside; 'dip' is the bar's "
+    "angle below the plate. 'Twist' is the rotation between both ends in degrees, right-handed. 'Bow' is the largest "
+    "distance from the bar to the curved axis in millimetres."
 )
 
 
@@ -148,8 +146,7 @@ def _joint_page(plan: WorkshopPlan, name: str) -> Callable[[Paper], None]:
 
 
 def bar_on_plate(part: FlatPart, arm: PlateArm, from_end: bool) -> Floats:
-    """Return the outline (k, 2) of a bar's end on a flat plate, metres from the node.
-    from_end : True for the second end of the bar."""
+    """Return the outline (k, 2) of a bar's end on a flat plate, m from the node. from_end : True for the second end."""
     hole = next(hole_here for hole_here in (reversed(part.holes) if from_end else part.holes))
     direction = part.axis[1] - part.axis[0]
     direction = direction / np.linalg.norm(direction) * (-1 if from_end else 1)

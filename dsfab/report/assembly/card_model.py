@@ -25,8 +25,7 @@ PANEL_STEPS = (
     ),
     (
         "Bend",
-        "Pull panels over the edge of a table, engraved face up, until the panels keep about the curvature of "
-        "the structure.",
+        "Pull panels over a table's edge, engraved face up, until the panels keep about the structure's curvature.",
     ),
     (
         "Build from the base",
@@ -100,8 +99,7 @@ def _model_steps(plan: WorkshopPlan) -> Iterator[tuple[str, str]]:
         "Cut",
         f"Send the files sheet_1, sheet_2 and so on (DXF or SVG, millimetres) to the laser, on card of "
         f"{length(plan.thickness)}. Use this order of layers: ENGRAVE (green) at low power, HOLES (blue) and SLOTS "
-        f"(magenta), then CUT (red). STOCK "
-        "(grey) is the edge of the sheet and is not cut. Names are on the outer face.",
+        "(magenta), then CUT (red). STOCK (grey) is the edge of the sheet and is not cut. Names are on the outer face.",
     )
     if plan.layering is None:
         stands = any(part.id.startswith("base") for part in plan.parts)
@@ -115,8 +113,7 @@ def _model_steps(plan: WorkshopPlan) -> Iterator[tuple[str, str]]:
     )
     yield (
         "Bend",
-        "Pull strips over the edge of a table, engraved face up, until the strips keep about the curvature "
-        "of the structure.",
+        "Pull strips over a table's edge, engraved face up, until the strips keep about the structure's curvature.",
     )
     yield (
         "Splice",

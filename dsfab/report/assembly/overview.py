@@ -125,8 +125,7 @@ def piece_length(faces: list[MemberFaces]) -> float:
 
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
-    """Return a bent strip as quadrilaterals (q, 4, 3), about `piece` metres long.
-    slotted : True to divide the strip at corners."""
+    """Return a bent strip as quadrilaterals (q, 4, 3), about `piece` m long. slotted : True to divide at corners."""
     if slotted:
         rows = simplified_line(strip.edges.reshape(-1, 6), 1e-3).reshape(-1, 2, 3)
     else:

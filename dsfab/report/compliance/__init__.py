@@ -146,9 +146,8 @@ def _table(compared: Sequence[Mapping[str, Any]], against: Sequence[str], folder
         )
     head = ("Design", "Verdict", "Mass", "Kept", "Compliance", "/ whole sheet", *(LABELS[x] for x in against), "s")
     note = (
-        "Columns of competitors: stiffness of the design divided by that of the competitor, at the same mass. Below 1 "
-        "the design is softer. The verdict states whether the computed compliance is reliable, not whether the design "
-        "is good."
+        "Columns of competitors: stiffness of the design / stiffness of the competitor, at equal mass; below 1, the "
+        "design is softer. The verdict states whether the computed compliance is reliable, not whether it is good."
     )
     widths = (2.4, 1, 1.1, 1, 2, 1, *([1.2] * len(against)), 0.6)
     return Table("<b>Table 1.</b> Compliance, and competitors of the same mass.", head, rows, 1, note, widths)

@@ -225,8 +225,7 @@ class FindingsPictures:
         return self._figure(caption, width, SIZE, material.V, material.F, task.surface, load, red, family)
 
     def case(self, name: str, caption: str, width: float, side_by_side: bool = False) -> ReportFigure:
-        """Draw the uncut surface with the loads and supports of the load case `name`.
-        side_by_side : True for two pictures in a row."""
+        """Draw the uncut surface, loads and supports of case `name`. side_by_side : True for two pictures in a row."""
         surface = self.findings.task.surface
         load = self.findings.task.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)

@@ -115,8 +115,7 @@ def convergence_section(findings: Findings, number: CaptionNumbers) -> ReportSec
 def comparison_section(
     findings: Findings, number: CaptionNumbers, charts: Mapping[str, tuple[bytes, tuple[int, int]]]
 ) -> ReportSection:
-    """Return the section that compares the design with structures of equal mass.
-    charts : PNG files, and their sizes in pixels, by name."""
+    """Return the comparison with structures of equal mass. charts : PNG files, and their sizes in pixels, by name."""
     blocks: list[Block] = [Paragraph(text) for text in comparison_sentences(findings)]
     blocks.append(tables.rivals_table(findings, number))
     blocks += [
@@ -133,8 +132,7 @@ def comparison_section(
         words = (
             f"{LABELS[rival.name]}: {spread.carried} of {spread.tried} variants carry the loads. By one solve each, "
             f"these variants have {least} to {worst} times the compliance of the whole sheet, on average {mean} "
-            f"times. The "
-            "table shows the stiffest variant."
+            "times. The table shows the stiffest variant."
         )
         blocks.append(Paragraph(words, "quiet"))
     if "bars" in charts:
@@ -169,8 +167,7 @@ def displacement_and_stress_section(
         findings.fields[stressed_case],
         number.figure(
             f"von Mises stress{under[stressed_case]}: the largest of the values at the top, middle and bottom of the "
-            f"sheet. On 99 % "
-            f"of the area of the finest mesh it is at most {quantity(stressed_answer.stress.quantile, 'Pa')}."
+            f"sheet; on 99 % of the area of the finest mesh at most {quantity(stressed_answer.stress.quantile, 'Pa')}."
         ),
     )
     words = Paragraph(

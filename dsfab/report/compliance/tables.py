@@ -334,10 +334,7 @@ def reactions_table(findings: Findings, name: str, number: CaptionNumbers) -> Ta
     names = [escaped_text(support.name) or f"Support {k}" for k, support in enumerate(supports, start=1)]
     rows = [line(text, force) for text, force in zip(names, case.reactions, strict=True)]
     rows += [line("All supports", reaction_sum), line("Loads", loads)]
-    note = (
-        f"Loads and reactions differ by {case.imbalance:.0e} of the load. Relative residual of the equations: "
-        f"{case.residual:.0e}."
-    )
+    note = f"Loads and reactions differ by {case.imbalance:.0e} of the load. Relative residual: {case.residual:.0e}."
     head = ("", *(f"R{axis}, {unit}" for axis in "xyz"), f"H in x and y, {unit}", "Towards, degrees from x")
     caption = f"Reactions{'' if len(findings.cases) == 1 else f', load case {escaped_text(name)}'}."
     return Table(number.table(caption), head, rows, 1, note, (2, 1, 1, 1, 1, 1), (len(rows) - 2,))

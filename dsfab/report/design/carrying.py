@@ -31,10 +31,7 @@ def cure_line(carrying: "Carrying", is_sized: bool = False) -> str:
     if not carrying.faults:
         return ""
     if is_sized:
-        return (
-            "no thickness of the available sheets suffices: add supports (--stand), make the surface higher, or "
-            "reduce loads"
-        )
+        return "no thickness of the available sheets suffices: add supports (--stand) or height, or reduce loads"
     return (
         f"make the sheet thicker (--set statics.thickness={1.25 * carrying.thickness:.2g}), keep more material "
         "(--set pattern.width.solid_fraction=...), or change the supports"
@@ -55,10 +52,7 @@ def figure_lines(carrying: "Carrying") -> Iterator[str]:
         yield f"  movement    {words} ({moved.about}){under}"
     if carrying.buckling is not None:
         under = f", {carrying.buckling_case}" if several else ""
-        (
-            yield f"  buckling    at {load_factor(carrying.buckling)} times the load{under}, for a shape without "
-            f"imperfections"
-        )
+        yield f"  buckling    at {load_factor(carrying.buckling)} times the load{under}, without imperfections"
     yield f"  mass        {mass(carrying.mass)}, {length(carrying.thickness)} thick"
 
 
@@ -66,10 +60,7 @@ def carrying_notes(carrying: "Carrying") -> Iterator[str]:
     """Yield notes on a large movement, and remarks on the results."""
     moved = carrying.movement
     if moved and moved.share > 1 / USUAL_SPAN_SHARE:
-        (
-            yield f"the largest displacement is 1/{1 / moved.share:.0f} of the span; the usual limit is "
-            f"1/{USUAL_SPAN_SHARE}"
-        )
+        yield f"the largest displacement is 1/{1 / moved.share:.0f} of the span; usual limit: 1/{USUAL_SPAN_SHARE}"
     if carrying.outcome != "not judged":
         yield from carrying.remarks
 

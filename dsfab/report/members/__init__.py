@@ -174,8 +174,7 @@ def summary_section(utilisation: Utilisation, picture: ReportFigure) -> ReportSe
     text = f"{utilisation.summary}. Checked by {utilisation.standard}. {utilisation.assumed[0]}"
     words = (
         "The forces in each section of a member are sums of the internal forces of the shell. Joints and the "
-        "stability of the "
-        "whole structure are not checked: see 'What was assumed, and what was not checked'."
+        "stability of the whole structure are not checked: see 'What was assumed, and what was not checked'."
     )
     return ReportSection("Summary", [Banner(status, title, escaped_text(text)), Paragraph(words), picture])
 
@@ -300,10 +299,7 @@ def member_report(design: Design, command: str) -> Document:
         members_section(utilisation, number),
         reproduction_section(command, library_versions, preset_toml(design.resolved_preset, for_people=True), number),
     ]
-    footer = (
-        f"Made by dsfab {library_versions['dsfab']}; a first estimate for members, not a proof of safety under a "
-        f"building code"
-    )
+    footer = f"Made by dsfab {library_versions['dsfab']}; a first estimate, not a proof of safety under a building code"
     subject = design.preset.name.replace("_", " ").capitalize()
     return Document("Members checked by the building code", subject, facts, document_sections, footer)
 

@@ -234,8 +234,7 @@ class StripeCut:
         return slots, cells.following[slots]
 
     def with_snapped_stripes(self, fraction: float) -> "StripeCut":
-        """Move whole stripes so that their edges meet nearby vertices.
-        fraction : largest move, as a fraction of a polygon side."""
+        """Move whole stripes so that their edges meet nearby vertices. fraction : largest move / polygon side."""
         values = self.seen.values
         reach = np.zeros(values.size)
         for side in (0, 1):

@@ -36,24 +36,19 @@ number k of the latest field; a mask (m,) of faces where field k has no value, a
 
 def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05) -> Sheet:
     """Return a surface, cut along the levels of several fields, with all cells, material and void.
-
     fields : for each field, values (n,) on the vertices, or (n, 2): z + d and z - d for stripes of half-width d;
              or a `CornerField` or `DividedField`. All divided fields share one division, before any `CornerField`.
     levels : ascending values for each field. Strip j of a field has j levels below the strip; odd strips are material.
              With values (n, 2), material has |z - level| < d.
     snap   : 0 to 0.4. A value moves onto a level that is nearer than this fraction of the local range of values.
-
     A cell is material if any field makes the cell material.
     The cells are in the order of the faces; the first n vertices are those of the surface.
-
-    Raises PatternError for values that are not finite, levels out of order, a snap out of range, or cells without area.
-    """
+    Raises PatternError for values that are not finite, unordered levels, a snap out of range, or cells without area."""
     return sheet_of(cut_polygons(surface, fields, levels, snap))
 
 
 def sheet_of(mesh: PolygonMesh) -> Sheet:
-    """Divide polygons from `cut_polygons` into triangles of a sheet.
-    Raises PatternError for triangles without area."""
+    """Divide polygons from `cut_polygons` into triangles of a sheet. Raises PatternError for triangles without area."""
     cut_surface, cell, sides_on = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     return Sheet(cut_surface, mesh.parent[cell], mesh.family[cell], mesh.weights, mesh.stubs, sides_on, mesh.lines)
 
@@ -167,8 +162,7 @@ def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Int
         bad = np.flatnonzero(areas <= ZERO_AREA * np.sum(np.ptp(X, axis=0) ** 2))
         raise PatternError(
             f"{len(bad)} of {len(F)} cells have no area (in faces {first_few(np.unique(parent[cell[bad]]))}); "
-            "raise slicing.snap or the radius of the discs at point contacts, or remesh these faces if the faces are "
-            "very thin"
+            "raise slicing.snap or the radius of discs at point contacts, or remesh these faces if they are very thin"
         ) from refused
 
 

@@ -29,8 +29,7 @@ ON_SIMPLEX = 1 - 1e-9
 
 @dataclass(frozen=True, eq=False)
 class SheetPart:
-    """A part of a cut surface, as a separate surface.
-    cut_surface : all cells.    surface : the part.
+    """A part of a cut surface, as a separate surface. cut_surface : all cells.    surface : the part.
     cells, vertices : (f,), (k,) numbers of the part's cells and vertices in `cut_surface`, ascending."""
 
     cut_surface: Surface
@@ -75,8 +74,7 @@ class LineKind(IntEnum):
 @dataclass(frozen=True, eq=False)
 class CutLines:
     """Lines on which the sides of cells lie. The first three lines are `NONE`, `RIM` and `END`.
-    kind   : (l,) the `LineKind` of each line.
-    field  : (l,) index of the field for kind LEVEL; -1 for other kinds.
+    kind   : (l,) the `LineKind` of each line.    field : (l,) index of the field for kind LEVEL; -1 for other kinds.
     number : (l,) for kind LEVEL, 2 j for the lower and 2 j + 1 for the upper edge of stripe j. For other kinds, the
              number among the lines of this kind.
     circle : (l, 7) centre, unit axis and radius of a fillet, metres; 0 for other kinds."""
@@ -107,7 +105,6 @@ class CutLines:
 @dataclass(frozen=True, eq=False)
 class Sheet:
     """A cut surface with n' vertices and m' triangles (cells). Each cell lies in one face of the uncut surface (n, m).
-
     surface  : the cells, with the orientation of their parent faces.
     parent   : (m',) uncut face that contains each cell.
     family   : (m',) index of the field that made a cell material; `VOID` (-1) for void cells.
@@ -248,8 +245,7 @@ class Sheet:
     def _part_sheet(self, mask: Bools) -> "Sheet":
         if not mask.any():
             raise PatternError(
-                f"the pattern keeps none of the {self.surface.m} cells as material; lower the threshold or raise the "
-                f"frequency of the stripes"
+                f"the pattern keeps none of the {self.surface.m} cells; lower the threshold or raise the frequency"
             )
         part = self.material_part if mask is self.material else SheetPart.from_cells(self.surface, mask)
         weights = self.weights[part.vertices]

@@ -14,7 +14,6 @@ from dsfab.surface.mesh import ZERO_AREA
 @dataclass(frozen=True, eq=False)
 class Split:
     """Polygons after a split. The old vertices come first, then the new vertices (k,).
-
     cells  : the new polygons. `sides_on` is -1 - l for a side on level l.
     source : (c',) the old polygon that contains each new polygon.
     strip  : (c',) number of levels below each new polygon; -1 for polygons that were not to be split.
@@ -146,9 +145,7 @@ def split_cells(
     live: Bools | None = None,
 ) -> Split:
     """Cut the active polygons by straight chords along level lines of a field.
-
-    levels : (l,) strictly ascending.
-    active : (c,) polygons to cut.
+    levels : (l,) strictly ascending.    active : (c,) polygons to cut.
     above  : (l,) True if a polygon on this level belongs to the strip above. Default: True for odd l.
     live   : (h,) mask of sides that get new vertices even without an active polygon.    n : number of vertices."""
     above = np.arange(len(levels)) % 2 == 1 if above is None else above
@@ -304,9 +301,7 @@ ROUNDS = 12  # Largest number of attempts to split polygons so that no cell has 
 
 class Snapping(NamedTuple):
     """Rules for moving values onto levels before a cut.
-
-    fraction : largest move, as a fraction of the field's range on an edge.
-    size     : size of the surface, metres.
+    fraction : largest move, as a fraction of the field's range on an edge.    size : size of the surface, metres.
     hold     : (k,) vertices with values that never move."""
 
     fraction: float

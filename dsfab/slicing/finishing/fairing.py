@@ -35,7 +35,6 @@ class Freedom(NamedTuple):
 
 def faired_walls(sheet: Sheet) -> Sheet:
     """Make the walls between material and void smooth; the sheet must have no point contacts.
-
     The walls minimise the integral of d^2 + a^6 k'^2 + b^4 k^2, with move d and curvature k
     [smoothing spline: Reinsch 1967; Wahba 1990]."""
     walls = sheet.walls

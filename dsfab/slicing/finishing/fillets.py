@@ -136,9 +136,8 @@ class Fillets:
     """Round corners of openings: an arc at each corner (k,). The void beyond the arc's chords becomes material.
     normal, distance : (k, c, 3), (k, c) planes through an arc's chords: outward normals, and metres from the origin.
     ray, ray_distance : (k, 2, 3), (k, 2) planes through an arc's two end rays: normals, and metres from the origin.
-    wall : (k,) the walls that begin at the corners.    circle : (k, 7) as in `CutLines`.
-    pair : (p, 2) number of an arc, and of a void cell that the arc fills at least in part.
-    Missing normals are 0."""
+    wall : (k,) the walls that begin at the corners.    circle : (k, 7) as in `CutLines`.    Missing normals are 0.
+    pair : (p, 2) number of an arc, and of a void cell that the arc fills at least in part."""
 
     wall: Ints
     circle: Floats
@@ -279,8 +278,7 @@ GOLDEN = (5**0.5 - 1) / 2  # Golden ratio: the fractional parts of its multiples
 
 def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
     """Round the corners of openings of a sheet; return also the fillets' radii (k,), metres.
-    radius : metres. An arc is smaller if this radius does not fit.
-    Raises PatternError for a radius that is not a length."""
+    radius : metres; smaller where an arc does not fit.    Raises PatternError for a radius that is not a length."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the radius {radius} of fillets must be a positive length in metres")
     if not len(sheet.walls.start):

@@ -95,8 +95,7 @@ class FinishingOptions(NamedTuple):
     sized     : True if the preset sets the size `opening`.
     opening   : size under which openings are filled; 0 for none.
     merge     : rule for slits that are filled. With "none", neck and member have no effect.
-    neck      : width under which openings get a bridge; 0 for none.
-    fillet    : radius of round corners; 0 for none.
+    neck      : width under which openings get a bridge; 0 for none.    fillet : radius of round corners; 0 for none.
     member    : minimum width of members between round corners; 0 for none.
     least     : minimum widths of openings and of members; 0 for no limit.
     tolerance : largest move of stripe edges when cells are improved; None for no improvement."""
@@ -126,10 +125,8 @@ class FinishingOptions(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class FinishedSheet:
     """A sheet after some passes of finishing.
-    cells     : all cells, material and void.
-    counts    : number of changes by each pass.
-    radii     : (k,) radii of the round corners, metres.
-    unwidened : the cells before the pass for minimum widths.
+    cells     : all cells, material and void.    counts : number of changes by each pass.
+    radii     : (k,) radii of the round corners, metres.    unwidened : the cells before the pass for minimum widths.
     shape     : a sentence about the improvement of the cells, or ""."""
 
     cells: Sheet
@@ -148,8 +145,7 @@ Pass = Callable[[FinishedSheet], FinishedSheet]
 
 
 def finish(cells: Sheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> FinishedSheet:
-    """Finish a cut sheet. uncut : surface from which the cells were cut.
-    trial : a trial cut with these cells, if available."""
+    """Finish a cut sheet. uncut : the surface before the cut.    trial : a trial cut with these cells, if available."""
     return _after_passes(cells, passes(uncut, options, trial))
 
 

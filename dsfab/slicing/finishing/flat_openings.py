@@ -24,7 +24,6 @@ SMOOTH = 1e-3  # Largest rounding error of an outline after an offset, as a frac
 @dataclass(frozen=True, eq=False)
 class FlatOpenings:
     """The enclosed openings of a sheet, each projected to its mean plane.
-
     wall  : (k,) walls (edges at openings) of the sheet.    chain : (k,) the chain of each wall, numbered from 0.
     after : (k,) the next wall in the chain, as an index into `wall`.
     start : (k, 2) start points of the walls, metres.    frame : (k, 2, 3) axes of the plane of each wall's opening."""
@@ -110,10 +109,8 @@ LONG, BULKY = 4.0, 0.7
 
 @dataclass(frozen=True, eq=False)
 class NarrowPart:
-    """A narrow part of an opening.
-
-    outline : (k, 2) metres.
-    runs    : (r, 2) stretches of the outline along walls; empty if the part is a whole opening."""
+    """A narrow part of an opening. outline : (k, 2) metres.
+    runs : (r, 2) stretches of the outline along walls; empty if the part is a whole opening."""
 
     outline: Floats
     runs: tuple[Floats, ...]

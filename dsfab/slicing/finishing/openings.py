@@ -57,8 +57,7 @@ class Openings:
 
     @cached_property
     def narrowness(self) -> Floats:
-        """(o,) median width of each opening / width of the narrower member beside it.
-        Infinite without members."""
+        """(o,) median width of each opening / width of the narrower member beside it; infinite without members."""
         across, wall, member = self._crossings, np.flatnonzero(self.void.walls), self._member_widths
         label, has_ratio = self.label[across.face], ~np.isnan(self._width_ratio)
         between = weighted_medians(self._width_ratio, across.weight, label, self.count)

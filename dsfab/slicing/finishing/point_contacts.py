@@ -48,8 +48,7 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
     if len(pinches):
         raise PatternError(
             f"material still meets in a single point at {count_phrase(len(pinches), 'vertex')} "
-            f"(first: {first_few(pinches)}); change slicing.pinch, the thickness of the sheet, or the phase of the "
-            f"stripes"
+            f"(first: {first_few(pinches)}); change slicing.pinch, the sheet's thickness, or the stripes' phase"
         )
     _require_material(sheet)
     return PinchResult(sheet, count)

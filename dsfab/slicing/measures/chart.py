@@ -21,7 +21,6 @@ from dsfab.surface.topology import EdgeTable, edge_table
 @dataclass(frozen=True, eq=False)
 class Chart:
     """Phases of two families of stripes on a surface. A phase is a whole number on the middle of each stripe.
-
     surface : n' vertices, m' faces, cut open where phases do not match.
     parent  : (m',) face of the uncut surface.    weights : (n', n) barycentric weights on the uncut vertices.
     z       : (n', 2) phases of the major and the minor family.
@@ -91,12 +90,9 @@ POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
 @dataclass(frozen=True, eq=False)
 class StripeChart:
     """Stripes of two families (major, minor) on a surface, and other material.
-
-    surface : n vertices, m faces.
-    z       : (n, 2) phases of the two families, whole numbers at the middles of stripes.
+    surface : n vertices, m faces.    z : (n, 2) phases of the two families, whole numbers at the middles of stripes.
     d       : (n, 2) half widths: in a stripe, the phase is within d of a whole number.
-    known   : (m, 2) True for faces with a phase.
-    kept    : (n,) positive in material other than stripes."""
+    known   : (m, 2) True for faces with a phase.    kept : (n,) positive in material other than stripes."""
 
     surface: Surface
     z: Floats
@@ -159,8 +155,7 @@ class StripeChart:
         return major, minor
 
     def inside(self, k: int, face: Ints, coordinates: Floats) -> Bools:
-        """Return a mask (q,) of points in stripes of family k.
-        coordinates : (q, 3) barycentric in faces (q,)."""
+        """Return a mask (q,) of points in stripes of family k. coordinates : (q, 3) barycentric in faces (q,)."""
         corner = self.surface.F[face]
         z, d = (np.einsum("qc,qc->q", x[corner, k], coordinates) for x in (self.z, self.d))
         return np.asarray((np.abs(z - np.rint(z)) <= d + ON * (d > 0)) & self.known[face, k])
@@ -197,7 +192,6 @@ class StripeChart:
 @dataclass(frozen=True, eq=False)
 class StripeMiddles:
     """Middle lines of the members of family k, as s pieces that meet at j nodes.
-
     face : (s,) face of each piece.    at : (s, 2, 3) barycentric coordinates of the piece's ends.
     node : (s, 2) nodes at the ends of each piece.    edge : (j,) True for nodes on the boundary of the surface.
     copy : (s,) True for a piece on an edge, if an earlier face has the same piece."""
@@ -230,8 +224,7 @@ class StripeMiddles:
         return np.bincount(self.node[~self.copy].ravel(), minlength=len(self.edge))
 
     def at_nodes(self, marked: Bools) -> Bools:
-        """Return a mask (j,) of the nodes at marked ends of pieces.
-        marked : (s, 2) mask of the two ends of each piece."""
+        """Return a mask (j,) of the nodes at marked ends of pieces. marked : (s, 2) mask of each piece's ends."""
         result = np.zeros(len(self.edge), dtype=bool)
         result[self.node[marked]] = True
         return result

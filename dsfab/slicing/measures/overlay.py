@@ -144,8 +144,7 @@ class _BandOnCells:
         return np.asarray((self.off < self.d + slack) & ~self.blank & np.isfinite(self.number))
 
     def links(self, pairs: Ints) -> Bools:
-        """Return a mask (p,) of pairs of adjacent triangles that have the same nearest level.
-        pairs : (p, 2) half-edges of the common edge."""
+        """Return a mask (p,) of adjacent triangles with the same nearest level. pairs : (p, 2) common half-edges."""
         h, g = pairs.T
         flat = self.F.ravel()
         g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # corner of g's cell at the first vertex of h

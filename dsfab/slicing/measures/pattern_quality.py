@@ -167,7 +167,6 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
 
 class Arms(NamedTuple):
     """Arms: strips of material that leave a ball around a point of the sheet.
-
     direction : (a, 3) unit vectors from the point to the strips.    normal : (a, 3) mean unit normals of the strips.
     width     : (a,) metres."""
 
@@ -243,7 +242,6 @@ Quantiles = tuple[float, float, float]
 @dataclass(frozen=True, eq=False)
 class FamilyQuality:
     """Quality of one family of members.
-
     spacing    : distance between middle lines of neighbours, metres: 5 %, 50 %, 95 % quantiles.
     opening    : clear distance between neighbours, metres: the same quantiles.
     deviation  : mean angle between members and stress, degrees; weight: area x stress x clarity.
@@ -277,7 +275,6 @@ class FamilyQuality:
 @dataclass(frozen=True, eq=False)
 class PatternQuality:
     """Quality of both families together.
-
     crossing_angle : the smallest angle between two members that cross, degrees; 90 without crossings.
     symmetry_error : fraction of the surface where the pattern is not symmetric; None without symmetries.
     turned         : angle, degrees, by which the user rotated the stress directions."""

@@ -102,7 +102,6 @@ TAPER = float(np.radians(1.5))  # Smallest angle between two walls that form a t
 @dataclass(frozen=True, eq=False)
 class Crossings:
     """Widths of a sheet along lines between opposite walls (boundary edges).
-
     width  : (k,) shortest distance from a line's start to the opposite wall, metres.
     place  : (k, 3) the start, metres.    face : (k,) the triangle at the start.
     weight : (k,) length of the wall at the start, metres; 0 for lines that start away from its middle.
@@ -222,8 +221,7 @@ ROUNDING = 1e-6  # A width still meets a limit if it is smaller by at most this 
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """The smallest member, gap or edge.
-    size : metres.    place : (3,), metres.    what : name in words.    mesh : mesh size at `place`, metres."""
+    """The smallest member, gap or edge. size : m.    place : (3,), m.    what : name.    mesh : mesh size there, m."""
 
     size: float
     place: Floats
@@ -247,8 +245,7 @@ class Features:
     weight: Floats
 
     def quantiles(self, shares: Sequence[float]) -> Floats:
-        """Return quantiles (q,) of the members' widths, metres.
-        shares : (q,), 0 to 1."""
+        """Return quantiles (q,) of the members' widths, metres. shares : (q,), 0 to 1."""
         return weighted_quantiles(self.widths, self.weight, shares) if self.weight.sum() else np.empty(0)
 
     def histogram(self, limit: float = 0.0) -> tuple[Floats, Floats]:

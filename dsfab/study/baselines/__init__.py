@@ -39,7 +39,6 @@ def baselines_by_name(names: Iterable[str]) -> dict[str, Baseline]:
     for name in (names := list(dict.fromkeys(names))):
         if name not in BASELINES:
             raise DsfabError(
-                f"for a comparison, there is no competitor {name!r}{did_you_mean(name, BASELINES)}; choose from "
-                f"{', '.join(BASELINES)}"
+                f"there is no competitor {name!r}{did_you_mean(name, BASELINES)}; choose from {', '.join(BASELINES)}"
             )
     return {name: BASELINES[name] for name in names}

@@ -42,8 +42,7 @@ class Simp:
     iterations   : largest number of iterations for each penalisation.
     penalisation : final exponent p. Density x gives the stiffness void + x^p (1 - void) [Bendsoe, Sigmund 1999].
     steps        : number of steps in which p rises from 1 [Petersson and Sigmund 1998]; 0: p is constant.
-    void         : stiffness of an empty face / stiffness of a full face.
-    move         : largest change of a density in an iteration.
+    void         : stiffness of an empty face / of a full face.    move : largest change of a density in an iteration.
     change       : iterations end if all densities change by less than this value.
     Raises StaticsError for values out of range."""
 

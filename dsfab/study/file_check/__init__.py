@@ -192,8 +192,7 @@ def _built_measure(check: Check) -> str:
         return "none in the design"
     place = ", ".join(f"{x:.4g}" for x in check.place)
     return (
-        f"the smallest value in the design is {length(check.value[0])}, at ({place}) m; the limit is "
-        f"{length(check.limit[0])}"
+        f"the design's smallest value is {length(check.value[0])} at ({place}) m; the limit is {length(check.limit[0])}"
     )
 
 

@@ -66,11 +66,10 @@ def read_shipped(
     path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES, deflection: float = 0.0
 ) -> FileContents:
     """Read the solid in an STL, 3MF or STEP file.
-    unit : unit of the numbers in an STL file, default millimetres.
+    unit : unit of the numbers in an STL file, default millimetres. For other files, a unit raises ExportError.
     max_triangles : largest accepted number of triangles in an STL or 3MF file.
     deflection : largest distance (m) between triangles and curved STEP faces; 0 for the reader's default.
-    Raises SurfaceError or ExportError for a missing, empty or unreadable file, or for coordinates that are not finite.
-    Raises ExportError for `unit` if the file is not STL."""
+    Raises SurfaceError or ExportError for a missing, empty or unreadable file, or coordinates that are not finite."""
     path = Path(path)
     suffix = path.suffix.lower()
     if path.is_dir():
@@ -235,8 +234,7 @@ class Distance:
 @dataclass(frozen=True, eq=False)
 class Allowance:
     """Allowed distance between the solid in a file and the solid of a design.
-    flat   : allowed distance on flat faces, metres.
-    limits : distances to add on curved faces; None if the file has no curved faces."""
+    flat : allowed distance on flat faces, m.    limits : distances to add on curved faces; None without such faces."""
 
     flat: float
     limits: SmoothLimits | None = None

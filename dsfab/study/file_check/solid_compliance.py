@@ -82,9 +82,7 @@ def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> 
     T = np.where((six < 0)[:, None], T[:, [0, 2, 1, 3]], T)
     long = np.linalg.norm(P[:, [1, 2, 3, 2, 3, 3]] - P[:, [0, 0, 0, 1, 1, 2]], axis=2).max(axis=1)
     if flat := int((np.abs(six) <= 1e-12 * long**3).sum()):
-        raise StaticsError(
-            f"gmsh made {flat} of {len(T)} tetrahedra without volume, because the surface has needle-shaped triangles"
-        )
+        raise StaticsError(f"gmsh made {flat} of {len(T)} tetrahedra without volume, due to needle-shaped triangles")
     filled = float(np.abs(six).sum() / 6)
     if abs(filled - volume) > tolerance * volume:
         raise StaticsError(f"gmsh filled {filled:.6g} m3 of a solid of {volume:.6g} m3")
@@ -208,8 +206,7 @@ def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -
 
 
 EDGE = 1.0
-"""Longest edge on the solid's surface, divided by the thickness.
-With a value of 2, compliances were up to 5 % too small."""
+"""Longest edge on the solid's surface / thickness. With a value of 2, compliances were up to 5 % too small."""
 COARSE = 1 / 100  # smallest `edge` divided by the solid's size; smaller edges give millions of tetrahedra
 RIGID = 1e3  # stiffness of a rigid support's spring, divided by Young's modulus times the thickness
 GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))

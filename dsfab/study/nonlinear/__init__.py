@@ -22,12 +22,11 @@ class NonlinearCheck:
     linear    : load factor at which the perfect solid buckles by linear theory. None if it does not buckle;
                 then the other values are 0 or empty.
     limit     : load factor at which the imperfect solid fails, or the largest computed factor.
-    given_way : True if the solid fails.
+    given_way : True if the solid fails.    minutes : time limit that stopped the computation; 0 if it was not stopped.
     imperfection : largest distance between the imperfect and the perfect solid, metres.
     moved     : largest displacement (m) under the loads, or at the load factor `limit` if it is below 1.
     load, u   : (k,) solved load factors, and (k,) largest displacement at each factor, metres.
-    edge      : edge length (m) if the surface was cut again for this check; else 0.
-    minutes   : time limit that stopped the computation; 0 if it was not stopped."""
+    edge      : edge length (m) if the surface was cut again for this check; else 0."""
 
     case: str
     linear: float | None
@@ -85,9 +84,7 @@ def nonlinear_check(
         raise StaticsError(f"{name!r} is no load case of this design; use one of {', '.join(cases)}")
     amount = float(np.ptp(surface.V, axis=0).max()) * (1 / 300) if imperfection is None else imperfection
     if not 0 <= amount < surface.size:
-        raise StaticsError(
-            f"the imperfection of {amount:g} m is negative or larger than the design; give metres, for instance 0.02"
-        )
+        raise StaticsError(f"the imperfection of {amount:g} m is negative or larger than the design; give metres")
     sheet, statics = design.sheet, design.preset.statics
     load = loads_on(surface, sheet, {name: cases[name].load})[name]
     normal = np.zeros_like(surface.V)
@@ -105,9 +102,7 @@ def without_fillets(design: Design, edge: float | None, progress: Progress) -> D
     edge : smallest edge length (m) of the surface mesh; for 0, the design is returned unchanged.
     Raises StaticsError for an edge that is negative or longer than the surface."""
     if edge is not None and not 0 <= edge < design.surface.size:
-        raise StaticsError(
-            f"the edge length {edge:g} m is negative or longer than the surface; give metres, such as 0.5, or 0"
-        )
+        raise StaticsError(f"the edge length {edge:g} m is negative or longer than the surface; give metres or 0")
     changes: dict[str, float] = {}
     if edge and 0 < getattr(design.preset.surface, "edge", 0.0) < edge:
         changes["surface.edge"] = edge

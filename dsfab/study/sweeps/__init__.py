@@ -41,9 +41,8 @@ def sweep(
     vary    : dotted preset keys and their values, e.g. {"pattern.major.phase": [0, 0.5], "diffusion.r": [10, 100]}.
     metrics : names from `METRICS`, or a dict that maps names to functions of a Design.
     keep    : function that is called with the changes and the Design of each successful run, e.g. to write files.
-    A design that cannot be built gives a Run with an error message. The command `dsfab sweep` can use many processes,
-    and can continue after an interruption.
-    Raises PresetError for invalid keys, metrics or values, before anything is built."""
+    A design that cannot be built gives a Run with an error. The command `dsfab sweep` can use many processes and
+    continue after an interruption. Raises PresetError for invalid keys, metrics or values, before anything is built."""
     measured = _metrics(metrics)
     listed = list(combinations(vary))
     presets = [with_overrides(preset, changes) for changes in listed]

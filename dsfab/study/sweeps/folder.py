@@ -38,9 +38,7 @@ def only_coordinator(folder: Path) -> Iterator[None]:
         except sqlite3.OperationalError as error:
             if "locked" not in str(error):
                 raise DsfabError(f"{folder} cannot be written: {error}; choose another folder with -o") from error
-            raise DsfabError(
-                f"{_held_by(holder)} is running the sweep in {folder} already; wait until it ends, or stop it"
-            ) from None
+            raise DsfabError(f"{_held_by(holder)} is running the sweep in {folder} already; wait or stop it") from None
         with suppress(OSError):
             holder.write_text(f"process {os.getpid()} on {platform.node()}", encoding="utf-8")
         yield
@@ -273,9 +271,8 @@ def prepare(
                 raise DsfabError(f"{folder} holds a sweep of another preset; choose another folder with -o")
             if changed and not extend:
                 raise DsfabError(
-                    f"{folder} holds another sweep (different settings: {', '.join(sorted(changed))}); use "
-                    f"--extend to add the "
-                    "new runs, or choose another folder with -o"
+                    f"{folder} holds another sweep (different settings: {', '.join(sorted(changed))}); use --extend to "
+                    "add the new runs, or choose another folder with -o"
                 )
             if changed & RENEWING:
                 store.reset_to_waiting(("done", "failed", "killed"))

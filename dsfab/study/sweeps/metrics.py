@@ -236,8 +236,7 @@ ABOUT: Mapping[str, MetricFacts] = {
         "",
         "more",
         "slicing",
-        "linear buckling factor on the cut mesh, often 4 to 8 % too low; real shells fail at a fifth to a half of "
-        "this factor",
+        "linear buckling factor on the cut mesh, often 4 to 8 % too low; real shells fail at a fifth to half of it",
     ),
     "verdict": MetricFacts("J", "less", "slicing", "compliance by the full check, which takes about ten solves"),
     "verdict_bound": MetricFacts(

@@ -267,9 +267,7 @@ class Plan(BaseModel):
         if not self.vary and not self.linked and not self.sampling.startswith("csv:"):
             wrong.append("the sweep varies no key; give [vary] at least one key with its values")
         if self.sampling.startswith("csv:") and (self.vary or self.linked):
-            wrong.append(
-                "a csv file gives all points of the sweep; leave [vary] and [[linked]] out, or use another sampling"
-            )
+            wrong.append("a csv file gives all points; leave [vary] and [[linked]] out, or use another sampling")
         if wrong:
             raise ValueError("; ".join(wrong))
         return self

@@ -86,9 +86,7 @@ def _grid(axes: list[Axis]) -> Iterator[Changes]:
     listed = [axis.grid_changes() for axis in axes]
     total = int(np.prod([float(len(values)) for values in listed]))
     if total > MOST:
-        raise PresetError(
-            f'the full grid has {total:,} runs, which are too many; give fewer values, or sampling = "sobol:200"'
-        )
+        raise PresetError(f'the full grid has {total:,} runs, too many; give fewer values, or sampling = "sobol:200"')
     for chosen in product(*listed):
         yield {key: value for part in chosen for key, value in part.items()}
 
@@ -315,9 +313,7 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
         return DsfabError(f"{path} cannot be written: {text}; choose another folder with -o")
     if "locked" in text or "busy" in text:
         return DsfabError(f"{path} is in use by another program; wait until it has ended")
-    return DsfabError(
-        f"{path} cannot be used: {text}; restore the file from a copy, or start a sweep in another folder"
-    )
+    return DsfabError(f"{path} cannot be used: {text}; restore the file from a copy, or begin in another folder")
 
 
 FEWEST, PER_AXIS = 12, 4

@@ -188,8 +188,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class LocalWorkers:
-    """Worker processes on this machine. job : data for all runs.
-    workers : number of processes; default: as many as fit into memory."""
+    """Processes on this machine. job : data for all runs.    workers : number; default: as many as fit into memory."""
 
     def __init__(self, job: Job, workers: int | None = None) -> None:
         self._job, self._asked = job, workers

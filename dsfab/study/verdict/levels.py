@@ -147,8 +147,7 @@ PARDISO needs less, because it stores only half of a symmetric factor."""
 @dataclass(frozen=True)
 class Level:
     """Results on one mesh, by load case.
-    unknowns   : number of unknowns of the main elements.
-    compliance : compliance (J) by the main elements.
+    unknowns   : number of unknowns of the main elements.    compliance : compliance (J) by the main elements.
     midedge    : compliance (J) by `SPREAD_ELEMENTS`; empty if not solved.
     zz_membrane, zz_bending : energies of the estimated stress errors, divided by the compliance.
     residual   : largest relative residual of all solves, in the energy norm.

@@ -84,8 +84,7 @@ def mode_intervals(
             needed = memory_needed(MODE_ELEMENTS.unknowns(mesh.surface), MODE_ELEMENTS.bending, "multifrontal")
             if levels and needed > budget:
                 refusals.append(
-                    f"error bounds of buckling and frequency need a finer mesh, which would take {needed / 1e9:.1f} "
-                    f"GB of memory"
+                    f"error bounds of buckling and frequency need a finer mesh, with {needed / 1e9:.1f} GB of memory"
                 )
                 break
             if progress:

@@ -102,8 +102,7 @@ Depth = Literal["quick", "full"]
 @dataclass(frozen=True)
 class CaseVerdict:
     """The verdict on one load case or load combination.
-    value  : compliance, J; nan if nothing was solved.
-    bound  : largest error of the compliance, divided by the compliance; inf if unknown.
+    value  : compliance, J; nan if nothing was solved.    bound : largest error / compliance; inf if unknown.
     status : fail if the sheet does not carry the loads; pass if the bound is at most `CONVERGED`; else unknown.
     spread : compliance by midedge elements / compliance by hhj elements - 1, on the first mesh.
     zz_membrane, zz_bending : energies of the estimated stress errors, divided by the compliance.
@@ -123,10 +122,8 @@ class CaseVerdict:
 @dataclass(frozen=True)
 class Verdict:
     """Verdict on the compliance of a cut sheet.
-    depth      : quick (one mesh) or full (two or three meshes).
-    status     : status of the governing load case.
-    cases      : verdicts on the load cases; the first case governs.
-    levels     : results on each mesh, coarse to fine.
+    depth      : quick (one mesh) or full (two or three meshes).    status : status of the governing load case.
+    cases      : verdicts on the load cases; the first case governs.    levels : results on each mesh, coarse to fine.
     dropped    : pieces of material without a connection to a support, largest first.
     per_member : mean width of members / mean edge length; inf for a sheet without a border.
     facets     : median of L^2 / (R h): edge length L, radius of curvature R, thickness h."""
@@ -189,8 +186,7 @@ COUNT = {2: "two levels", 3: "three levels"}
 class Refinement:
     """Solves of a sheet on finer and finer meshes.
     smooth   : curved surface on which finer meshes lie.    budget : memory limit of each solve, bytes.
-    stopped  : status and reason if the refinement ended early, else None.
-    unsolved : True if the last mesh could not be solved."""
+    stopped  : status and reason of an early end, or None.    unsolved : True if the last mesh could not be solved."""
 
     setting: LoadedSurface
     smooth: SmoothSurface
@@ -267,9 +263,7 @@ class Refinement:
         estimate = estimates.estimate(values, spread, sum(errors[:2]))
         is_known = len(values) > 1 and estimate.bound <= CONVERGED
         if len(values) == 1:
-            reason = (
-                f"the error bound from one mesh is {percent(estimate.bound)}; only finer meshes can show convergence"
-            )
+            reason = f"the error bound of one mesh is {percent(estimate.bound)}; only finer meshes can show convergence"
         elif is_known:
             reason = f"converged within {percent(estimate.bound)}"
         else:
@@ -296,10 +290,8 @@ def check(
     cells: Sheet | None = None,
 ) -> Verdict:
     """Return the verdict on a loaded cut sheet: its compliance with an error bound, or the reason of its failure.
-    sheet   : cut sheet; default: the design's sheet.
-    depth   : "quick": one solve. "full": two or three meshes.
-    budget  : memory limit of each solve, bytes.
-    cells   : mesh of the sheet and its openings; needed to repair very thin triangles.
+    sheet   : cut sheet; default: the design's sheet.    depth : "quick": one solve. "full": two or three meshes.
+    budget  : memory limit of each solve, bytes.    cells : mesh of sheet and openings, to repair very thin triangles.
     Raises ValueError for a `LoadedSurface` without a sheet."""
     start = time.perf_counter()
     setting = LoadedSurface.from_design(subject) if isinstance(subject, Design) else subject
@@ -362,9 +354,8 @@ def _warnings(across: float, facets: float) -> list[str]:
     if across < estimates.LEAST_EDGES_PER_MEMBER:
         warnings.append(
             f"the mean width of members is only {across:.2g} edges of the uncut mesh "
-            f"({estimates.LEAST_EDGES_PER_MEMBER:g} or more are better), so the outline of members is coarse; make "
-            f"the mesh finer "
-            "(surface.edge), or use fewer stripes"
+            f"({estimates.LEAST_EDGES_PER_MEMBER:g} or more are better), so the outline of members is coarse; make the "
+            "mesh finer (surface.edge), or use fewer stripes"
         )
     if facets > FACETS:
         warnings.append(

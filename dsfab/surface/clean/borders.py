@@ -8,11 +8,9 @@ from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, face_angles, le
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table
 
 RAGGED_TURN = float(np.radians(35))
-"""Smallest change of direction at a vertex of a ragged border, in radians, measured in the surface.
-Smooth borders of fine meshes have smaller changes."""
+"""Smallest turn (in the surface, radians) at vertices of a ragged border; smooth borders of fine meshes turn less."""
 LEAST_TURNS = 12
-"""Smallest number of alternate left and right turns of a ragged border.
-A border with fewer turns may be intended, such as the corners of an opening."""
+"""Smallest number of alternate left and right turns of a ragged border; fewer may be the corners of an opening."""
 LARGEST_GAP = 3  # Largest number of edges between two successive changes of direction on a ragged border.
 FLAT = float(np.radians(150))
 """Largest angle of a face at a smoothed border vertex, in radians. Faces with larger angles are removed."""
@@ -111,8 +109,7 @@ def _flat_ears(V: Floats, F: Ints, touched: Ints, line: Ints) -> Bools:
 
 def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
     """Return the triangles (k - 2, 3) of least area that fill a hole with the outline P (k, 3); None if impossible.
-    The triangles are oriented as the outline.
-    joined : (k, k) mask of pairs of outline points that already have an edge in the mesh."""
+    The triangles are oriented as the outline. joined : (k, k) mask of point pairs that have an edge in the mesh."""
     k = len(P)
     if k == 3:
         return np.array([[0, 1, 2]])

@@ -201,8 +201,7 @@ IGNORED_SHARE = 0.1  # Comparisons use the 10 % and 90 % quantiles of distances,
 
 _REMARKS = {
     "copy": "the surface has two sheets at a distance of only {}, probably two copies of one sheet; delete one of the "
-    "sheets, or set "
-    "surface.mend = true",
+    "sheets, or set surface.mend = true",
     "slab": "the surface is a closed slab, {} thick, so dsfab would build each of its two faces as a sheet; give its "
     "middle surface, or set surface.mend = true",
     "apart": "the surface has two parallel sheets, {} apart, and dsfab builds both sheets; delete one sheet if both "
@@ -218,9 +217,8 @@ _REPAIRS = {
 class ParallelParts:
     """Two parallel parts of a mesh.
     keep, other : (k,) face numbers of the part that stays, and (l,) face numbers of the part that a repair removes.
-    gap   : median distance between the parts, in the mesh's unit.
+    gap   : median distance between the parts, mesh's unit.    piece : (p,) numbers of all faces of the slab, or empty.
     kind  : "copy": two coincident sheets; "slab": top and bottom of a thin solid; "apart": two separate sheets.
-    piece : (p,) numbers of all faces of the slab, or empty.
     way   : (3,) translation from `keep` to `other` if the slab is extruded; else empty, (0,)."""
 
     keep: Ints

@@ -36,24 +36,19 @@ CRUMB = 0.01  # The repair removes loose pieces smaller than this fraction of th
 PINHOLE = 1e-3  # The repair closes holes with outlines shorter than this times the mesh's largest dimension.
 _NO_AREA = "dsfab dropped {} without area"
 _DOUBT = "; these faces are a large part of the mesh: check that all parts have the same unit"
-_ASTRAY = (
-    f"dsfab dropped {{}} with corners over {ASTRAY_RATIO:,.0f} times as far from the middle of the mesh as all other "
-    f"faces"
-)
+_ASTRAY = f"dsfab dropped {{}} with corners over {ASTRAY_RATIO:,.0f} times as far from the mesh's middle as other faces"
 
 
 @dataclass(frozen=True, eq=False)
 class MendedMesh:
-    """A repaired mesh.
-    V : (n, 3) vertices.    F : (m, 3) triangles.    repairs : a message for each repair."""
+    """A repaired mesh: vertices V (n, 3), triangles F (m, 3), and a message for each repair (`repairs`)."""
 
     V: Floats
     F: Ints
     repairs: tuple[str, ...] = ()
 
     def with_faces(self, keep: Ints, repair: str) -> "MendedMesh":
-        """Return the mesh with only the faces with the numbers `keep` (k,).
-        repair : message about the removed faces; {} in it stands for their number."""
+        """Return the mesh of the faces `keep` (k,). repair : message, in which {} is the number of removed faces."""
         lost = len(self.F) - len(keep)
         if not lost:
             return self
@@ -65,7 +60,6 @@ class MendedMesh:
 def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     """Return the mesh V (n, 3), F (m, 3), in any unit, with small faults repaired.
     metres : length of the mesh's unit in metres.
-
     Vertices with equal positions are merged. Repeated faces, second copies of sheets and small pieces are removed.
     A thin solid is replaced by its middle surface. Open seams and small holes are closed."""
     mesh = single_sheet(sound_faces(V, F), metres)
@@ -219,7 +213,6 @@ def is_scan(V: Floats, F: Ints) -> bool:
 def repaired_scan(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     """Return the mesh V (n, 3), F (m, 3) of a 3D scan, in any unit, as a clean sheet.
     metres : length of the mesh's unit in metres.
-
     Small pieces are removed, small holes are filled, and folds from noise are flattened."""
     mesh = single_sheet(sound_faces(V, F), metres)
     for step in (stitched_mesh, _split_junctions, _orient_faces, _without_specks, _fill_holes, _flatten_folds):

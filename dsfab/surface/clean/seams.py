@@ -84,8 +84,7 @@ def coincident(V: Floats) -> int:
 
 
 SAG = 1 / 15
-"""Largest width of an open seam between two patches of a mesh, divided by the length of an edge at the seam.
-The value is height / chord of an arc of 30 degrees."""
+"""Largest width of an open seam, divided by the length of an edge there: height / chord of an arc of 30 degrees."""
 
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:

@@ -149,9 +149,7 @@ def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes], only:
     if version != 2:
         raise MalformedFileError(f"the file has version {version} of glTF, but dsfab reads version 2")
     if announced > len(data):
-        raise MalformedFileError(
-            f"the file announces {announced:,} bytes but has only {len(data):,}: the file is cut off"
-        )
+        raise MalformedFileError(f"the file announces {announced:,} bytes but has {len(data):,}: the file is cut off")
     chunks: dict[int, bytes] = {}
     position = 12
     while position + 8 <= announced:
@@ -259,9 +257,7 @@ class _Scene:
         while waiting:
             number, above, outer_names, shown = waiting.pop()
             if number in seen or len(outer_names) >= 200:  # most programs nest at most 100 levels of nodes
-                raise MalformedFileError(
-                    "the nodes of the file do not form a tree: a node has two parents, or contains itself"
-                )
+                raise MalformedFileError("the file's nodes form no tree: a node has two parents, or contains itself")
             seen.add(number)
             node = nodes[number]
             shown = shown and node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible", True)

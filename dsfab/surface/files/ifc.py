@@ -37,15 +37,11 @@ def read_ifc(path: Path, only: Sequence[str] = ()) -> TriangleFile:
         file.seek(max(0, path.stat().st_size - 512))
         end = file.read()
     if b"END-ISO-10303-21" not in end:  # ifcopenshell reads incomplete files without a warning
-        raise MalformedFileError(
-            "the last line END-ISO-10303-21 is missing: the file is not IFC, or the file is cut off"
-        )
+        raise MalformedFileError("the last line END-ISO-10303-21 is missing: the file is not IFC, or it is cut off")
     try:
         model = ifcopenshell.open(str(path))
     except Exception:  # ifcopenshell does not document its errors
-        raise MalformedFileError(
-            "the file is damaged, or has a version of IFC that ifcopenshell does not know"
-        ) from None
+        raise MalformedFileError("the file is damaged, or has a version of IFC unknown to ifcopenshell") from None
     counts, parts = Counter[Content](), list[tuple[Floats, Ints]]()
     elements = {element.id(): element for element in selected_parts(_visible_elements(model, counts), only, counts)}
     settings = geom.settings()

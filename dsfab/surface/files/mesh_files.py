@@ -119,10 +119,7 @@ def raw_mesh(
 ) -> RawMesh:
     """Read a mesh file in OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP, BREP or IFC format.
     glTF files, which have y up, are turned so that z is up.
-
-    unit : unit of the coordinates if the file declares no known unit.
-    only : names of the parts to read; by default all parts.
-
+    unit : unit of coordinates if the file declares no known unit.    only : names of parts to read; by default all.
     Raises SurfaceError for an unreadable file, a file beyond the limits, an unknown name, and an unknown unit."""
     path = Path(path)
     suffix = _suffix(path)
@@ -196,9 +193,7 @@ def _neighbour_file(path: Path, name: str, budget: Budget) -> bytes:
             f"the coordinates are in {name[:60]!r}, outside the folder of the file: export everything as one file"
         )
     if not neighbour.is_file():
-        raise SurfaceError(
-            f"the coordinates are in the file {name[:60]!r}, which is missing; add that file, or export a .glb file"
-        )
+        raise SurfaceError(f"the coordinates are in the file {name[:60]!r}, which is missing; add it, or export .glb")
     budget.require_bytes(neighbour.stat().st_size)
     return neighbour.read_bytes()
 

@@ -118,9 +118,7 @@ def _join_lines(text: str) -> str:
     text = _COMMENT.sub(r"\1 ", text)
     if cut := _DIVIDED.search(text):
         number = text.count("\n", 0, cut.end() - 1) + 1
-        raise MalformedFileError(
-            f"line {number} ends with a backslash, but the words before and after this backslash run together"
-        )
+        raise MalformedFileError(f"line {number} ends with a backslash, but the words around it run together")
     return text.replace("\\\n", " ")
 
 

@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 
 def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
     """Return a surface with the vertices V (n, 3), in `unit`, and the polygons F: (m, 3), (m, 4), or lists of corners.
-    Polygons are cut into triangles. The numbers of the vertices do not change.
-    Raises SurfaceError for an unusable mesh."""
+    Polygons are cut into triangles. Vertex numbers do not change. Raises SurfaceError for an unusable mesh."""
     mesh = _polygons(V, F)
     return oriented_surface(mesh.V * metres_per(unit), triangles(mesh).F)
 
@@ -53,8 +52,7 @@ def _polygons(V: Any, F: Iterable[Any]) -> Polygons:
 def surface_of(mesh: Any, unit: str | None = None) -> Surface:
     """Convert a mesh of trimesh, pyvista, compas or meshio, or any object with vertices and faces, to a surface.
     unit : unit of the coordinates; by default the unit of a trimesh mesh, or metres.
-    Vertices with equal positions are merged.
-    Raises SurfaceError for an unusable mesh."""
+    Vertices with equal positions are merged. Raises SurfaceError for an unusable mesh."""
     if isinstance(mesh, Surface):
         return mesh
     own_unit = getattr(mesh, "units", None)
@@ -85,9 +83,7 @@ def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
             mesh: Any = trimesh.load(path, file_type="stl", force="mesh", process=False)
         return equal_merged(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64))
     except Exception:  # trimesh raises many types of errors for a bad file
-        raise SurfaceError(
-            f"{path}: trimesh cannot read this file, although dsfab can read it; export the file again"
-        ) from None
+        raise SurfaceError(f"{path}: trimesh cannot read this file, but dsfab can; export the file again") from None
 
 
 def threemf_by_lib3mf(path: Path) -> tuple[Floats, Ints]:
@@ -104,9 +100,7 @@ def threemf_by_lib3mf(path: Path) -> tuple[Floats, Ints]:
             F = np.frombuffer(b"".join(mesh.GetTriangleIndices()), dtype="<u4").reshape(-1, 3).astype(np.int64)
             parts.append((V, F))
     except lib3mf.ELib3MFException:
-        raise SurfaceError(
-            f"{path}: lib3mf cannot read this file, although dsfab can read it; export the file again"
-        ) from None
+        raise SurfaceError(f"{path}: lib3mf cannot read this file, but dsfab can; export the file again") from None
     return concatenated_mesh(parts)
 
 

@@ -20,8 +20,7 @@ edges must differ by less than ON (10 degrees), and by less than BETTER times th
 def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     """Cut faces with four corners into triangles. Return the two triangles (2 q, 3) of each face.
     quads   : (q,) numbers of these faces.    V : (n, 3) vertices.
-    corners : (c,) vertex numbers of the corners of all faces, face after face.
-    sizes   : (f,) number of corners of each face."""
+    corners : (c,) vertex numbers of all corners, face after face.    sizes : (f,) number of corners of each face."""
     start = np.cumsum(sizes) - sizes
     Q = corners[start[quads][:, None] + np.arange(4)]
     P = V[_inside(Q, len(V))] if len(Q) and len(V) else np.zeros((len(Q), 4, 3))
@@ -249,8 +248,7 @@ def polygons(V: list[list[float]], faces: list[list[int]]) -> Polygons:
 
 @dataclass(frozen=True, eq=False)
 class CutPolygons:
-    """Triangles that polygons were cut into.
-    F      : (m, 3) vertex numbers of the triangles.
+    """Triangles that polygons were cut into: vertex numbers F (m, 3).
     owner  : (m,) number of the polygon of each triangle, ascending.
     fanned : (p,) numbers of polygons that cross themselves or have no area."""
 

@@ -52,7 +52,6 @@ def read_surface(
     only: Sequence[str] = (),
 ) -> Surface:
     """Return the surface in a mesh file, or in a file of a CAD program (`MESH_SUFFIXES`), in metres.
-
     unit          : unit of the numbers in the file; by default the unit that the file declares, or metres.
     up            : vertical axis of the file's coordinates; for glTF files, z is up after reading.
     mend          : True to repair small faults first, such as small holes and repeated faces.
@@ -145,9 +144,7 @@ def _check_manifold(F: Ints, edges: EdgeTable) -> None:
             f"{len(F):,} faces); remove the repeated faces, or set surface.mend = true"
         )
     if fault := crowded_edge_fault(edges):
-        raise SurfaceError(
-            f"{fault}; dsfab needs a manifold sheet: remove inner faces, or split the surface at these edges"
-        )
+        raise SurfaceError(f"{fault}; dsfab needs a manifold: remove inner faces, or split the surface at these edges")
     n = int(F.max()) + 1
     points = pinches(F, edges, n)
     bad = points[~on_boundary(edges, n)[points]]

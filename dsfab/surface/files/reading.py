@@ -132,8 +132,7 @@ _OTHER_NAMES = {
 
 
 ALIKE = 0.85
-"""Smallest similarity (by difflib) at which a word counts as a misspelt layer name.
-"supports" is similar enough to "support"; "upload" is not similar enough to "load"."""
+"""Smallest similarity (difflib) of a misspelt layer name: "supports" counts as "support", not "upload" as "load"."""
 
 
 def mark(kind: str, layer: str) -> Content:

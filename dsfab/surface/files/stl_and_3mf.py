@@ -67,8 +67,7 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
     head = _BETWEEN.match(text)
     if head is None or not text.lstrip()[:5].lower() == "solid":
         raise MalformedFileError(
-            "the file does not begin with 'solid' (text STL), and the length of the file differs from the length in "
-            "its binary header"
+            "the file does not begin with 'solid' (text STL), and its length does not fit its binary header"
         )
     position = head.end()
     while position < len(text):
@@ -218,8 +217,7 @@ class _Plate:
         return path.lstrip("/"), values["objectid"]
 
     def require_ends(self, key: Key, depth: int) -> int:
-        """Return the triangle count of an object and its components.
-        Raises MalformedFileError if an object is missing or contains itself."""
+        """Count triangles, also in components. Raises MalformedFileError if an object is missing or contains itself."""
         if depth > 100:
             raise MalformedFileError("an object contains itself, or objects in over 100 nested levels")
         if key not in self.objects:

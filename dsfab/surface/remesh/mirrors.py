@@ -32,8 +32,7 @@ def centroid(surface: Surface) -> Floats:
 
 
 def round_axis(surface: Surface, axes: Floats) -> Floats | None:
-    """Return the first axis of `axes` (3, 3) for which the area's second moments along the two further axes are
-    nearly equal. Return None without such an axis."""
+    """Return the first of `axes` (3, 3) with nearly equal second moments of area along the other axes, or None."""
     x = surface.centroids - centroid(surface)
     inertia = [float(surface.areas @ (x @ axis) ** 2) for axis in axes]
     for k in range(3):

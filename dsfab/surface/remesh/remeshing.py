@@ -40,7 +40,6 @@ def remeshed_surface(
     surface: Surface, edge: float, finest: float = 0.0, smooth: bool = False, sizes: Sequence[SizeField] = ()
 ) -> Surface:
     """Return the surface with nearly equilateral triangles whose edges are about `edge` metres long.
-
     finest : least edge length on curved parts, metres; 0 for no shorter edges.
     smooth : True for new vertices on a smooth surface [Vlachos et al. 2001], False for vertices on old facets.
     sizes  : fields of wanted edge lengths, metres; the shortest length counts.

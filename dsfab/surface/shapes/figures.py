@@ -40,8 +40,7 @@ def _above_ground(field: Field, k: float) -> Field:
 
 @shape
 def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
-    """A camel's head on its neck. The open foot is in the plane z = 0.
-    height : approximate height from the foot to the tips of the ears, metres."""
+    """A camel's head and neck; the open foot is at z = 0. height : approximate height to the ear tips, metres."""
     neck = limb([(-0.26, 0, -0.15), (-0.25, 0, 0.06), (-0.17, 0, 0.3), (-0.09, 0, 0.55), (-0.05, 0, 0.74)],
         [0.165, 0.155, 0.135, 0.12, 0.11], 0.1)  # fmt: skip
     skull = ellipsoid((0.02, 0, 0.79), (0.17, 0.115, 0.105))

@@ -214,8 +214,7 @@ def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
 
 def limb(points: Sequence[Point], radii: Sequence[float], soft: float = 0.3) -> Field:
     """Return the approximate signed distance from a tube with round ends as a function of points (q, 3).
-    points, radii : corners of the middle line, and the radius at each corner.
-    soft          : width of the fillets, divided by the smallest radius."""
+    points, radii : corners of the middle line, radius at each corner.    soft : width of fillets / smallest radius."""
     parts = [_cone(*ends) for ends in zip(points[:-1], points[1:], radii[:-1], radii[1:], strict=True)]
     return smooth_union(parts, soft * min(radii)) if len(parts) > 1 else parts[0]
 
@@ -253,8 +252,7 @@ def smooth_minimum(a: Floats, b: Floats, k: float) -> Floats:
 
 
 def smooth_union(fields: Sequence[Field], k: float) -> Field:
-    """Return the union of solids with fillets about k metres wide.
-    Solids are functions of points (q, 3) that return signed distances (q,)."""
+    """Unite solids (functions from points (q, 3) to signed distances (q,)) with fillets about k metres wide."""
 
     def field(P: Floats) -> Floats:
         value = fields[0](P)
@@ -297,8 +295,7 @@ class LevelSet:
         return X
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return the points X + step (n, 3), metres, moved onto the surface.
-        border : (n,) mask of points that stay at z = floor."""
+        """Return X + step (n, 3), m, moved onto the surface. border : (n,) mask of points that stay at z = floor."""
         P = X + step
         down = border & (self.floor is not None)
         if self.floor is not None:

@@ -36,9 +36,7 @@ def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
             with np.errstate(over="raise", divide="raise", invalid="raise"):
                 return function(*args, **kwargs)
         except (ArithmeticError, np.linalg.LinAlgError):
-            raise SurfaceError(
-                f"{function.__name__}: the given lengths differ too much; make these lengths more similar"
-            ) from None
+            raise SurfaceError(f"{function.__name__}: the given lengths differ too much; make them similar") from None
 
     return checked_shape
 
@@ -67,8 +65,7 @@ def check_density(area: float, edge: float) -> None:
 
 
 def pieces_of(length: float, edge: float, multiple: int = 1, least: int = 1) -> int:
-    """Return the number of equal parts, each about `edge` long, of a length.
-    multiple : divisor of the result.    least : smallest result."""
+    """Return the number of equal parts, about `edge` long, of a length: at least `least`, a multiple of `multiple`."""
     return max(least, multiple * round(length / (edge * multiple)))
 
 
@@ -96,8 +93,7 @@ def staggered_rows(columns: int, rows: int) -> tuple[Floats, Ints]:
 
 
 def ring_turns(counts: Ints) -> list[Floats]:
-    """Return the angles (k,) of the vertices of each ring, as fractions of a full turn.
-    counts : number of vertices of each ring."""
+    """Return the angles (k,) of the vertices of each ring, as fractions of a full turn. counts : vertices per ring."""
     turns, shift = [], 0.0
     for j, count in enumerate(counts):
         shift = 0.5 - shift if j and count == counts[j - 1] else 0.0

@@ -50,12 +50,10 @@ def elliptic_paraboloid(
     length: Length = 12.0, width: Length = 8.0, rise: Length = 1.6, crown: Length = 0.8, edge: Length = 0.22
 ) -> Surface:
     """A parabola moved along a second parabola: length along x, width along y, corners at z = 0.
-    rise  : height of the middle.    edge : edge length at the middle.
-    crown : height of the middles of the two long sides."""
+    rise : height of the middle.    edge : edge length at the middle.    crown : height of the long sides' middles."""
     if crown >= rise:
         raise SurfaceError(
-            f"elliptic_paraboloid: crown = {crown:g} m, the height of the long sides, must be less than "
-            f"rise = {rise:g} m, the height of the middle"
+            f"elliptic_paraboloid: crown = {crown:g} m, height of the long sides, must be less than rise = {rise:g} m"
         )
     if rise > 4 * min(length, width):
         raise SurfaceError(

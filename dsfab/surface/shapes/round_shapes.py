@@ -65,9 +65,7 @@ def tower(
     x, y, around = _superellipse(squareness)
     check_density(0.5 * (1 + taper) * around * width / 2 * height, edge)
     if abs(np.radians(twist)) * width / 2 > 1.5 * height:
-        raise SurfaceError(
-            f"tower: twist = {twist:g} degrees is too much for a height of {height:g} m; use a smaller twist"
-        )
+        raise SurfaceError(f"tower: twist = {twist:g} degrees is too much for a height of {height:g} m; twist less")
     z = np.linspace(0, height, 1 + pieces_of(height, ROW * edge, multiple=2, least=4))
     scale = 0.5 * width * (1 + (taper - 1) * z / height)
     turns = ring_turns(np.array([pieces_of(around * s, edge, multiple=4, least=8) for s in scale]))
@@ -104,8 +102,7 @@ def surface_of_revolution(r: Floats, z: Floats, edge: float, outward: bool = Fal
 
 @shape
 def sphere(radius: Length = 2.0, edge: Length = 0.2) -> Surface:
-    """A sphere around the origin: an icosahedron with every edge divided, projected onto the sphere
-    [class I subdivision, Clinton 1971]."""
+    """A sphere around the origin, from an icosahedron with divided edges [class I subdivision, Clinton 1971]."""
     area = 4 * np.pi * radius**2
     check_density(area, edge)
     corners, faces = _icosahedron()

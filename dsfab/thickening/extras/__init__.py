@@ -30,9 +30,7 @@ def with_extras(solid: Solid, extras: Sequence[Extra], base: Base) -> Solid:
     for extra in extras:
         body = extra.apply(body, base)
         if body.status() != manifold3d.Error.NoError or body.is_empty():
-            raise SolidError(
-                f"thickening.extra {extra.kind!r} removes the whole solid; check sizes and places in this entry"
-            )
+            raise SolidError(f"thickening.extra {extra.kind!r} removes the whole solid; check its sizes and places")
     return _judged_solid(body, solid)
 
 

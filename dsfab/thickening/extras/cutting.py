@@ -76,8 +76,7 @@ class Trim:
 class SplitBodies:
     """`kind = "split"`: cut the solid into parts that fit a machine, and move the parts apart.
     bed : largest size of a part along x, y, z, metres.    apart : gap between parts after the move, metres.
-    dowel : diameter of dowel holes in the cut faces, metres; 0 for no dowels.
-    deep  : depth of a dowel hole in a part, metres."""
+    dowel : diameter of dowel holes in cut faces, metres; 0 for none.    deep : depth of a dowel hole, metres."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     bed: Vector
@@ -91,8 +90,7 @@ class SplitBodies:
         positive(self, "apart")
         if min(self.bed) <= 0 or self.dowel < 0 or (self.dowel > 0) != (self.deep > 0):
             raise SolidError(
-                "thickening.extra 'split': set bed to positive lengths; set both dowel and deep, or neither of these "
-                "keys"
+                "thickening.extra 'split': set bed to positive lengths; set both dowel and deep, or neither"
             )
         ends = np.array(solid.bounding_box()).reshape(2, 3)
         levels = [self._levels(ends[0, axis], ends[1, axis], self.bed[axis]) for axis in range(3)]

@@ -42,14 +42,11 @@ class Feet:
             blocks.append(box(low, high))
         if not blocks:
             raise SolidError(
-                "thickening.extra 'feet': none of the picked vertices is on the cut sheet; set pattern.keep to keep "
-                "material there"
+                "thickening.extra 'feet': no picked vertex is on the cut sheet; keep material there by pattern.keep"
             )
         standing = united_bodies([solid, *blocks])
         if len(standing.decompose()) > len(solid.decompose()):
-            raise SolidError(
-                "thickening.extra 'feet': a foot does not touch the solid; increase the key sink or margin"
-            )
+            raise SolidError("thickening.extra 'feet': a foot does not touch the solid; increase sink or margin")
         return standing
 
 
@@ -74,9 +71,7 @@ class Ring:
         marks = np.ones(base.surface.n, dtype=bool) if self.at is None else self.at.vertices(base.surface)
         loops = [loop for loop in base.surface.loops if marks[loop].any()]
         if not loops:
-            raise SolidError(
-                "thickening.extra 'ring': no boundary loop of the surface has a picked vertex; check the key 'at'"
-            )
+            raise SolidError("thickening.extra 'ring': no boundary loop has a picked vertex; check the key 'at'")
         beams = [_beam(base.surface, loop, self.width, self.height) for loop in loops]
         united = united_bodies([solid, *beams])
         if len(united.decompose()) > len(solid.decompose()):
@@ -123,9 +118,8 @@ def bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
 
 def closed_bar(P: Floats, along: Floats, normal: Floats, width: float, height: float) -> tuple[Floats, Ints]:
     """Return the mesh of a rectangular bar along a closed polyline: vertices (4 k, 3), m, outward faces (8 k, 3).
-    P      : (k, 3) corners of the polyline, metres.
-    along, normal : (k, 3) unit directions and unit normals of the segments that start at these corners.
-    height : size along the normals, metres."""
+    P : (k, 3) corners of the polyline, metres.    height : size along the normals, metres.
+    along, normal : (k, 3) unit directions and unit normals of the segments that start at these corners."""
     before = np.roll(along, 1, axis=0)
     sharpest = 0.2  # smallest cosine of half the bend angle; a mitre is then five bar widths long
     middle = before + along

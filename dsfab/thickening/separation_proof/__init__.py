@@ -22,9 +22,8 @@ from dsfab.thickening.skin import is_fine, rounding_step
 class OffsetLayer:
     """A surface before and after the pattern is cut, with half-thickness vectors.
     uncut   : the surface before the cut; edge-manifold, consistently oriented.
-    D       : (n, 3) half-thickness vectors of `uncut`, metres.
+    D, carried : (n, 3), (n', 3) half-thickness vectors of `uncut` and of `cells`, metres.
     cells   : the mesh after the cut, with the faces of material and of voids.
-    carried : (n', 3) half-thickness vectors of `cells`, metres.
     parent  : (m',) the face of `uncut` that contains each cell."""
 
     uncut: Surface

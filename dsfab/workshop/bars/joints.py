@@ -33,8 +33,7 @@ ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
 class Leg:
     """Leg of a node plate: an arm with anchors in the ground.
     way    : (3,) unit direction of the leg in the plane of the plate.
-    fold   : fold angle, positive towards the normal of the plate, radians.
-    anchor : diameter of the leg's anchors, metres."""
+    fold   : fold angle, positive towards the plate's normal, radians.    anchor : diameter of anchors, metres."""
 
     way: Floats
     fold: float
@@ -57,9 +56,8 @@ class Leg:
 @dataclass(frozen=True, eq=False)
 class Footing:
     """Supports of a structure on the ground.
-    supports : (q, 3) supported points, metres.    up : (3,) upward unit vector.
-    reach    : metres; a node can get a leg if a support is closer than `reach` plus 0.75 member widths.
-    anchor   : diameter of the anchors, metres."""
+    supports : (q, 3) supported points, m.    up : (3,) upward unit vector.    anchor : diameter of anchors, metres.
+    reach    : metres; a node can get a leg if a support is closer than `reach` plus 0.75 member widths."""
 
     supports: Floats
     up: Floats

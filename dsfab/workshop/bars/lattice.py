@@ -22,8 +22,7 @@ LEAST_BAR = 4.0  # length of the shortest bar on a plate, in bolt diameters
 class LatticeNode:
     """Node at which bars end, in place of a node of the graph of members, or of several close nodes.
     id     : name of the first replaced node, or "A07 end 1" for a free end of a member.
-    nodes  : names of all replaced nodes.
-    point  : (3,) position of the node, metres.    normal : (3,) normal of the surface there.
+    nodes  : names of all replaced nodes.    point, normal : (3,) position, metres, and normal of the surface there.
     joined : True if a plate joins the bars.    moved : largest distance from `point` to a replaced node, metres."""
 
     id: str

@@ -62,8 +62,7 @@ def plank_parts(
 ) -> slots.PlankParts:
     """Return the flat parts of all planks.
     room : lengths and widths of the stock, metres.    ground : plane of the ground; None without supports.
-    order  : families, from the lowest planks to the uppermost.
-    Raises PatternError if no piece fits on the stock."""
+    order  : families, from the lowest planks to the uppermost. Raises PatternError if no piece fits on the stock."""
     courses, stopped = plank_courses(graph, stock)
     vanished = vanished_courses(stopped, dict.fromkeys(stopped, stock.depth))
     courses = {name: course for name, course in courses.items() if name not in vanished}
@@ -172,9 +171,8 @@ def plank_plan(
     order: Sequence[str] = slots.STANDING_ORDER,
 ) -> PlankPlan:
     """Return the planks of a graph, and its plates.
-    normals : (n, 3) normals at the vertices of the graph's sheet.
+    normals : (n, 3) at the vertices of the graph's sheet.    order : families, from the lowest planks to the uppermost.
     room : lengths and widths of the stock, metres.    limit : strain at the material's strength.
-    order   : families, from the lowest planks to the uppermost.
     Raises PatternError if no piece fits on the stock."""
     planks = plank_parts(graph, stock, room, ground, order)
     discs = [member for member in graph.members if is_plate(member)]
@@ -261,13 +259,8 @@ def _omission_lines(plan: PlankPlan) -> Iterator[str]:
         yield f"{planks.level_ends} ends of planks at supports are cut parallel to the ground"
     if planks.shortened:
         names, nodes = names_and_count(planks.shortened), names_and_count(planks.missed_nodes)
-        singular = (
-            f"{names} stops before its ends, because the plank would meet another plank of the same family or curl up"
-        )
-        plural = (
-            f"{names} stop before their ends, because these planks would meet other planks of the same family or curl "
-            f"up"
-        )
+        singular = f"{names} stops before its ends, because it would meet another plank of the same family or curl up"
+        plural = f"{names} stop before their ends, because they would meet planks of the same family or curl up"
         missed = f"; this leaves nodes unreached: {nodes}" if nodes else ""
         yield f"{singular if len(planks.shortened) == 1 else plural}{missed}"
     if planks.vanished:

@@ -137,8 +137,7 @@ class Plank:
         ground: BasePlane | None,
         parts: PlankParts,
     ) -> None:
-        """Divide the plank into pieces that fit on the stock; in place.
-        room : lengths and widths that parts may have on the stock, metres."""
+        """Divide the plank, in place, into pieces that fit on the stock. room : possible lengths and widths, metres."""
         course, stock = self.course, self.stock
         upper = [crossing for crossing in crossings if self._has_role(crossing, 1)]
         crossing_stations = np.array([crossing.at[1] for crossing in upper])

@@ -57,8 +57,7 @@ class StepEntities:
     """Numbered entities of a STEP file and their text."""
 
     def __init__(self, free: int = FIRST_FREE, extra_digits: int = 0) -> None:
-        """Begin an empty list. free : first entity number.
-        extra_digits : number of additional decimals of points and directions."""
+        """Begin an empty list. free : first entity number.    extra_digits : more decimals of points and directions."""
         self.free, self.text = free, list[str]()
         self._digits, self._direction_digits = DIGITS + extra_digits, DIRECTION_DIGITS + extra_digits
         self._numbers, self._points = dict[str, int](), dict[tuple[float, ...], int]()
@@ -69,8 +68,7 @@ class StepEntities:
         return self.free - 1
 
     def add(self, body: str, shared: bool = False) -> int:
-        """Add an entity with the text `body` and return its number.
-        shared : True to return the number of an equal entity, if any."""
+        """Add an entity with the text `body`; return its number. shared : True to return an equal entity, if any."""
         if shared:
             return self.once(body)
         self.text.append(f"#{self.free}={body};\n")

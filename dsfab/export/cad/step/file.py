@@ -119,13 +119,11 @@ def check(part: Part, path: Path) -> ReadBack:
     require_equal(part, "faces", faces, report["faces"])
     if not report["valid"]:
         raise ExportError(
-            f"OCCT finds the STEP solid of {part.name!r} invalid: check the solid for parts that touch or cross; "
-            f"write STL or 3MF instead"
+            f"OCCT finds the STEP solid of {part.name!r} invalid: check for parts that touch or cross; write STL or 3MF"
         )
     if not report["tessellates"]:
         raise ExportError(
-            f"OCCT cannot divide a face of the STEP solid of {part.name!r} into triangles; write step = 'faceted' "
-            f"instead"
+            f"OCCT cannot divide a face of the STEP solid of {part.name!r} into triangles; write step = 'faceted'"
         )
     volume_error = report["volume"] / part.volume - 1
     return ReadBack(faces, "faces", volume_error if part.step == "smooth" else check_measure(part, report["volume"]))

@@ -142,8 +142,7 @@ def simplified_part(part: Part, tolerance: float) -> Part:
     if result is None or len(result.F) > worth * len(part.F):
         raise ExportError(
             f"{part.name!r} does not become simpler within {tolerance:.3g} mm; allow a larger step_tolerance, or "
-            f"coarsen "
-            f"the mesh"
+            f"coarsen the mesh"
         )
     return result
 

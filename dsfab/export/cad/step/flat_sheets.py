@@ -25,11 +25,9 @@ class NotFlatError(ExportError):
 
 @dataclass(frozen=True, eq=False)
 class FlatOutlines:
-    """Outlines of a flat sheet, as polylines.
+    """Outlines of a flat sheet, as polylines. height : heights of the lower and the upper plane along axes[2], mm.
     axes   : (3, 3) unit vectors, right-handed: two in the plane, and the normal of the plane.
-    height : heights of the lower and the upper plane along axes[2], mm.
-    pieces : loops of each piece, the outer loop first. A loop has points (k, 2) along axes[0] and axes[1].
-             Outer loops are counter-clockwise."""
+    pieces : loops of each piece, points (k, 2) along axes[0] and axes[1]. Outer loops come first, counter-clockwise."""
 
     axes: Floats
     height: tuple[float, float]

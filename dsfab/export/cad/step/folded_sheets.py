@@ -34,9 +34,8 @@ from dsfab.surface import CREASE, edge_table
 
 @dataclass(frozen=True, eq=False)
 class Facet:
-    """The two planes of a flat part of a sheet, one on each skin, the upper plane first, millimetres.
-    origin : (2, 3) point of each plane.
-    axes   : (2, 3, 3) right-handed unit vectors: two in each plane, and the normal upwards."""
+    """Planes of a flat part of a sheet, one on each skin, the upper first, mm. origin : (2, 3) point of each plane.
+    axes : (2, 3, 3) right-handed unit vectors: two in each plane, and the normal upwards."""
 
     origin: Floats
     axes: Floats

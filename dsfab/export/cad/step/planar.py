@@ -139,14 +139,11 @@ def step_positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
 @dataclass(frozen=True, eq=False)
 class Polyhedron:
     """Planar faces with shared edges. Outer loops run counter-clockwise about the face's normal, inner loops clockwise.
-    points  : (p, 3) coordinates, mm.
-    edges   : (e, 2) end points of each straight edge.
-    steps   : (s,) edge of each step of the loops.
-    forward : (s,) True if the step runs from the first end of its edge to the second end.
+    points  : (p, 3) coordinates, mm.    edges : (e, 2) end points of each straight edge.
+    steps   : (s,) edge of each step of the loops.    forward : (s,) True if a step has the direction of its edge.
     loops   : (l + 1,) loop i has the steps loops[i] : loops[i + 1].
     faces   : (f + 1,) face i has the loops faces[i] : faces[i + 1], the outer loop first.
-    normals : (f, 3) unit normals.
-    origin  : (f,) number of a point of each face.
+    normals : (f, 3) unit normals.    origin : (f,) number of a point of each face.
     shell   : (f,) number of the closed shell of each face."""
 
     points: Floats

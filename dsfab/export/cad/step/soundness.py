@@ -27,9 +27,8 @@ REDRAWING_ROUNDS = 2  # largest number of rounds; each round makes the triangles
 
 
 class StepTriangles(NamedTuple):
-    """Triangles of the solids in a STEP file.
-    V    : (n, 3) points, m, all different.    F : (m, 3) triangles, counter-clockwise seen from outside.
-    face : (m,) number of the STEP face of each triangle.    lost : number of dropped triangles."""
+    """Triangles of the solids in a STEP file. V : (n, 3) points, m, all different.    lost : dropped triangles.
+    F : (m, 3) triangles, counter-clockwise from outside.    face : (m,) number of the STEP face of each triangle."""
 
     V: Floats
     F: Ints
@@ -73,8 +72,7 @@ def step_fault(path: Path, deflection: float) -> str:
 
 
 def triangle_fault(first_triangles: StepTriangles, deflection: float, shape: bytes) -> str:
-    """Return the reason why triangles of a shape bound no solid; "" for a solid.
-    deflection : largest error of triangles, m."""
+    """Return why triangles of a shape bound no solid; "" for a solid. deflection : largest error of triangles, m."""
     sound = curved_soundness(first_triangles, deflection, shape)
     if sound.sound:
         return ""

@@ -44,8 +44,7 @@ The next attempt would be a smooth file, which CAD programs usually fail to cut.
 
 
 def prepare(part: Part) -> Part:
-    """Round the part to the decimals of the file.
-    Raises ExportError if an edge has more than two triangles."""
+    """Round the part to the decimals of the file. Raises ExportError if an edge has more than two triangles."""
     V, coarse = (np.round(part.V, digits) + 0.0 for digits in (DIGITS, FACETED_DIGITS))
     ends = np.stack(half_edges(part.F))
     short = ends[:, (coarse[ends[0]] == coarse[ends[1]]).all(axis=1)]
@@ -61,8 +60,7 @@ def prepare(part: Part) -> Part:
 
 
 def attempts(part: Part) -> Iterator[Part | BudgetError]:
-    """Yield a version of the part for each possible strategy, the best strategy first.
-    A BudgetError replaces each version that is too large."""
+    """Yield the part for each possible strategy, the best first; a BudgetError replaces each part that is too large."""
     tighter = 1 / 4  # tolerance of the second planar file, as a fraction of the first; closer curves cross less often
     flat, chosen = 0.0, part.step in ("auto", "quick")
     if part.step == "members":
@@ -235,14 +233,11 @@ def refusal(refused: Sequence[ExportError]) -> ExportError:
 
 @dataclass(frozen=True)
 class Estimate:
-    """Estimated cost of one strategy.
-    way           : planar, members, smooth, faceted, simplified (fewer triangles, then faceted), tessellated.
-    faces         : number of faces, or of triangles if tessellated; 0 if the strategy fails.
-    size, memory  : size of the file, and memory to open it, bytes.
-    write_seconds : time to write the file and to read the file back.
-    open_seconds  : time for another program to open the file.
-    refused       : reason for the refusal, or "".
-    chosen        : True if `write` would use this strategy."""
+    """Estimated cost of one strategy. size, memory : size of the file, and memory to open it, bytes.
+    way     : planar, members, smooth, faceted, simplified (fewer triangles, then faceted), tessellated.
+    faces   : number of faces, or of triangles if tessellated; 0 if the strategy fails.
+    write_seconds, open_seconds : time to write and read back, and time for another program to open the file.
+    refused : reason for the refusal, or "".    chosen : True if `write` would use this strategy."""
 
     way: str
     faces: int = 0

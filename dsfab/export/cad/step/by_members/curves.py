@@ -69,8 +69,7 @@ SAMPLES_PER_EDGE = 2  # number of samples on each skin of the sheet, for each me
 
 @dataclass(frozen=True, eq=False)
 class SampledChain:
-    """Sample points of a chain (row of mesh edges).
-    Q       : (k, 6) points on the outer skin (3 columns) and on the inner skin (3 columns), mm.
+    """Samples of a chain (row of mesh edges). Q : (k, 6) points on the outer and inner skin, three columns each, mm.
     outline : True if no region is on the right of the chain.    chord : smallest chord error of the mesh, mm."""
 
     Q: Floats
@@ -119,8 +118,7 @@ class ChainCurve:
 
     @classmethod
     def from_spline(cls, spline: Spline, distance: float) -> "ChainCurve":
-        """Convert a spline of degree 1 to 3 to cubic curves.
-        distance : largest distance of the samples from the spline, mm."""
+        """Convert a spline of degree 1 to 3 to cubics. distance : largest distance of samples from the spline, mm."""
         breaks = np.unique(spline.knots)
         x = READ_PLACES[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
         values = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)
@@ -159,15 +157,13 @@ def parts_of(poles: Floats, start: Floats, end: Floats) -> Floats:
 
 
 def curves_through(lines: Sequence[Floats], tolerances: Sequence[float]) -> list[ChainCurve]:
-    """Fit a curve to each line of points (k, 6), mm.
-    tolerances : largest distance (mm) of each line from its curve."""
+    """Fit a curve to each line of points (k, 6), mm. tolerances : largest distance (mm) of each line from its curve."""
     fits = splines_through([even_samples(line) for line in lines], tolerances, parts=2)
     return [ChainCurve.from_spline(*fit) for fit in fits]
 
 
 def on_skins(curves: Sequence[ChainCurve], vectors_to_skins: Callable[[Floats], Floats]) -> list[ChainCurve]:
-    """Move curves onto the skins of the sheet.
-    vectors_to_skins : function of points (k, 6) that returns the vectors from the points to the skins."""
+    """Move curves onto the skins of the sheet. vectors_to_skins : returns vectors from points (k, 6) to the skins."""
     if not curves:
         return []
     inner = [InnerSpline.from_breaks(f.breaks) for f in curves]
@@ -208,9 +204,8 @@ BOW_FACTOR = np.sqrt(3) / 36
 
 
 def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
-    """Replace nearly parabolic curves by parabolas.
-    distance : allowed distance of the solid from the mesh, mm.
-    box      : (2, 3) lowest and highest corner of the box around the skins, mm."""
+    """Replace nearly parabolic curves by parabolas. distance : allowed distance of the solid from the mesh, mm.
+    box : (2, 3) lowest and highest corner of the box around the skins, mm."""
     wide, tolerance = box + distance * np.array([[-1.0], [1.0]]), PARABOLA_SHARE * distance
     simple = [_are_parabolas(curve.spans, tolerance, wide) for curve in curves]
     return [replace(c, spans=as_parabolas(c.spans, 1)) if yes else c for c, yes in zip(curves, simple, strict=True)]

@@ -170,8 +170,7 @@ class MemberDraft:
 
 
 def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft:
-    """Return the STEP file of a part before its checks.
-    fine : True for a more exact file, which takes longer.
+    """Return the STEP file of a part before its checks. fine : True for a more exact file, which takes longer.
     Raises ExportError if a step fails, or if the file has too many faces."""
     with one_blas_thread():  # several threads would slow down thousands of small systems
         return _draft(part, plan, fine)

@@ -13,8 +13,7 @@ from dsfab.export.splines import arc_lengths, polyline_length
 
 
 def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting: Lifting) -> ChainNet:
-    """Move ends of chains (rows of mesh edges).
-    moves : (chain number, 0 for its start or -1 for its end) -> number of the new end point."""
+    """Move ends of chains (rows of mesh edges). moves : (chain, 0 for start, -1 for end) -> new end point number."""
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     ends = {k: [moves.get((k, i), int(net.chains[k].points[i])) for i in (0, -1)] for k, _ in moves}
     if not ends:

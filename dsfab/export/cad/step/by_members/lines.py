@@ -22,8 +22,7 @@ ChainEnd = tuple[int, int]  # end of a chain: number of the chain, index (0 or -
 
 @dataclass(frozen=True, eq=False)
 class ChainLine:
-    """Curve along k consecutive chains of mesh edges.
-    at : (k + 1,) parameters of the curve where the chains begin and end."""
+    """Curve along k consecutive chains of mesh edges. at : (k + 1,) parameters where the chains begin and end."""
 
     steps: ChainLoop
     curve: ChainCurve
@@ -100,8 +99,7 @@ class NetLines:
         return [*(self.net.ends(step)[0] for step in steps), self.net.ends(steps[-1])[1]]
 
     def parts(self, parts: Sequence[LinePart]) -> Floats:
-        """Return the poles (k, 4, 6) of k parts of lines, in the direction of each part.
-        Each part must lie in a single cubic."""
+        """Return the poles (k, 4, 6) of k parts of lines, along each part. Each part must lie in a single cubic."""
         if not parts:
             return np.zeros((0, 4, 6))
         i, a, b = (np.array(column) for column in zip(*parts, strict=True))
@@ -235,8 +233,7 @@ def with_arcs(
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
     """Replace lines along round corners by arcs, unless an arc is too far from its chain of mesh edges.
-    tolerances : by chain number, the largest distance of an arc from the chain, mm.
-    rounded    : numbers of the chains at round corners."""
+    tolerances : by chain, largest distance of its arc, mm.    rounded : numbers of the chains at round corners."""
     rounds = 4  # after the removal of an arc, neighbouring arcs change and may be too far from their chains
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()

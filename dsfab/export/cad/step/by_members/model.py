@@ -48,10 +48,9 @@ class NetPatch:
 
 @dataclass(eq=False)
 class NetModel:
-    """Boundary model of a solid with step = 'members'.
-    vertices : points (6,) on the outer and inner skin, mm.
-    trimmed  : by number of a region without patches, the loops of edges around the region.
-    seam     : True for a one-sided surface that was cut open."""
+    """Boundary model of a solid with step = 'members'. vertices : points (6,) on the outer and inner skin, mm.
+    trimmed : by number of a region without patches, the loops of edges around the region.
+    seam    : True for a one-sided surface that was cut open."""
 
     vertices: list[Floats] = field(default_factory=list)
     edges: list[NetEdge] = field(default_factory=list)

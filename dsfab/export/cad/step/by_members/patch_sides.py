@@ -79,8 +79,7 @@ def _angles(loop: ChainLoop, chains: Mapping[int, SampledChain], reach: float) -
 
 @dataclass(frozen=True, eq=False)
 class QuadSide:
-    """Side of a four-sided region, made of k parts of lines.
-    at : (k + 1,) ends of the parts, as fractions of the side's length."""
+    """Side of a four-sided region: k parts of lines. at : (k + 1,) ends of the parts, as fractions of the side."""
 
     parts: list[LinePart]
     at: Floats
@@ -94,8 +93,7 @@ SideGrid = tuple[list[LinePart], list[LinePart], list[LinePart], list[LinePart]]
 
 
 class SideStations:
-    """Points ("stations") that divide the sides of regions into parts.
-    stops : for each line, the parameters of the stations on the line."""
+    """Points ("stations") that divide the sides of regions into parts. stops : parameters of the stations by line."""
 
     def __init__(self, lines: NetLines, chains: Mapping[int, SampledChain]) -> None:
         self.lines, self.chains = lines, chains
@@ -212,8 +210,7 @@ class LineFits:
         self.pulled, self.arcs = dict[int, tuple[ChainLine, ChainLine]](), ArcsOnSkins(away)
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
-        """Return fitted curves ("lines") along all chains of mesh edges.
-        reach : length (mm) over which the direction of a chain is measured."""
+        """Fit a curve to each chain of mesh edges. reach : length (mm) over which a chain's direction is measured."""
         turns, self.within = partial(chain_turn, chains, reach), chain_tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
@@ -316,8 +313,7 @@ def chain_turn(chains: Mapping[int, SampledChain], reach: float, first_end: Chai
 
 
 def line_links(net: ChainNet, quads: Iterable[Quad], turn: Turn, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
-    """Pair the ends of consecutive chains of mesh edges that one curve can follow.
-    arcs : numbers of the chains at round corners."""
+    """Pair ends of consecutive chains of mesh edges that one curve can follow. arcs : chains at round corners."""
     smooth = 10.0  # degrees; one line follows two chains of an outline only if the bend between them is smaller
     candidates = list[tuple[int, float, ChainEnd, ChainEnd]]()
     for quad in quads:

@@ -68,10 +68,8 @@ ROWS = rows_at(PLACES)
 
 @dataclass(frozen=True, eq=False)
 class FaceLimits:
-    """Limits of faces, millimetres.
-    gap : largest gap between trimmed faces and their edges.
-    off : largest distance of a face from the points inside its region.
-    box : (2, 3) box that must contain all poles.
+    """Limits of faces, millimetres. gap : largest gap between trimmed faces and their edges.
+    off : largest distance of a face from points inside its region.    box : (2, 3) box that must contain all poles.
     beyond_mesh : function of points (k, 3); returns distance from the mesh minus limit (k,). None: no limit."""
 
     gap: float

@@ -93,8 +93,7 @@ LEAST_COSINE = 0.75
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
-    """Divide strongly bent regions into flatter parts.
-    The first points of `net` must be the points of `sheet`."""
+    """Divide strongly bent regions into flatter parts. The first points of `net` must be the points of `sheet`."""
     most_seams = 200  # a sheet gets at most 200 seams
     work = _BendSeams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}

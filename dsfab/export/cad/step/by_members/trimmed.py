@@ -156,8 +156,7 @@ class TrimmedFace:
 def trimmed_face(
     model: NetModel, loops: list[ChainLoop], points: Floats, limits: FaceLimits, part: bool = False
 ) -> TrimmedFace:
-    """Return the trimmed face of a region, with one surface on each skin.
-    Raises ExportError if a single surface cannot fit.
+    """Return the trimmed face of a region, with a surface on each skin. Raises ExportError if one surface cannot fit.
     points : (k, 6) inner points on both skins, mm.    part : True if some points may be outside of the region."""
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)

@@ -163,8 +163,7 @@ class CreaseSides:
         return np.asarray((low >= 0) & (on_edge | ((low == high) & np.isin(low, split))))
 
     def lines_on_creases(self, weights: csr_array, start: Ints, end: Ints) -> Bools:
-        """Return a mask (e,) that is True for lines on creases.
-        start, end : (e,) rows of the end points in `weights`."""
+        """Return a mask (e,), True for lines on creases. start, end : (e,) rows of the end points in `weights`."""
         low, high = ends_of_rows(weights)
         n, is_on_edge = self.surface.n, (low[start] >= 0) & (low[end] >= 0)
         a, b = np.minimum(low[start], low[end]), np.maximum(high[start], high[end])
@@ -173,8 +172,7 @@ class CreaseSides:
 
 
 def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
-    """Return the two end vertices (k,) of the edge through each point, smaller number first.
-    The values are -1 for points inside faces."""
+    """Return the end vertices (k,) of the edge through each point, smaller number first; -1 inside faces."""
     row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
     real = np.abs(weights.data) > ZERO_WEIGHT
     row, vertex = row[real], weights.indices[real].astype(np.int64)

@@ -21,8 +21,7 @@ from dsfab.surface.topology import corners_of
 
 
 class MeshDistances(NamedTuple):
-    """Distances of points from a mesh or a solid, mm.
-    most  : largest distance.    bad : (k, 3) points that are too far away.
+    """Distances of points from a mesh or a solid, mm. most : largest distance.    bad : (k, 3) points too far away.
     worst : distance of the point that exceeds its limit most.    allowed : limit at this point."""
 
     most: float

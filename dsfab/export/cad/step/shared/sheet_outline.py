@@ -38,10 +38,9 @@ class ChartRegion:
 
 @dataclass(frozen=True, eq=False)
 class SheetOutline:
-    """Sheet in millimetres, divided into charts (parts of the sheet).
-    V, D    : (n, 3) vertices of the middle surface, and vectors to the upper skin.
-    F       : (m, 3) faces.    chart, piece : (m,) chart and connected component of each face.
-    charts  : (v, 2) pairs of a vertex number and the number of a chart at the vertex."""
+    """Sheet in millimetres, divided into charts (parts). V, D : (n, 3) vertices of the middle, vectors to upper skin.
+    F      : (m, 3) faces.    chart, piece : (m,) chart and connected component of each face.
+    charts : (v, 2) pairs of a vertex number and the number of a chart at the vertex."""
 
     V: Floats
     D: Floats
@@ -66,8 +65,7 @@ class _HalfEdgeCharts:
 
 
 def both_skins(sheet: DividedSheet, shift: int) -> Floats:
-    """Return points (n, 2, 3) on the upper and lower skin, mm.
-    shift : distance from the vertices to the sheet's middle / half the thickness."""
+    """Return points (n, 2, 3) on both skins, mm. shift : distance from vertices to the middle / half the thickness."""
     V, D = _middle(sheet, shift)
     return np.stack([V + D, V - D], axis=1)
 
@@ -78,8 +76,7 @@ def _middle(sheet: DividedSheet, shift: int) -> tuple[Floats, Floats]:
 
 
 def sheet_of(sheet: DividedSheet, shift: int) -> SheetOutline:
-    """Return a sheet with its outlines.
-    shift : distance from the vertices to the sheet's middle / half the thickness."""
+    """Return a sheet with its outlines. shift : distance from vertices to the sheet's middle / half the thickness."""
     V, D, F = *_middle(sheet, shift), sheet.F
     table = edge_table(F)
     _, piece = pieces(F, table)

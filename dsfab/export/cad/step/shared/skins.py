@@ -16,10 +16,9 @@ from dsfab.surface.topology import on_boundary
 
 @dataclass(frozen=True, eq=False)
 class DenseSurface:
-    """Surface with an upper and a lower skin. Fields in metres, properties in mm.
-    half   : (n,) half the thickness, m.    shift : distance from the surface to the sheet's middle / `half`.
-    parent : (m,) undivided triangle that contains each triangle.
-    twins  : (k, 2) vertex pairs at equal places with opposite normals."""
+    """Surface with two skins. Fields in metres, properties in mm. parent : (m,) undivided triangle of each triangle.
+    half  : (n,) half the thickness, m.    shift : distance from the surface to the sheet's middle / `half`.
+    twins : (k, 2) vertex pairs at equal places with opposite normals."""
 
     surface: Surface
     half: Floats
@@ -177,8 +176,7 @@ class SmoothLimits:
 
 
 def smooth_limits(surface: Surface, curved: Curved, tolerance: float = 0.0) -> SmoothLimits:
-    """Return the limits for a smooth solid.
-    tolerance : largest distance from the mesh that the user allows, mm; 0 for the default."""
+    """Return the limits for a smooth solid. tolerance : largest allowed distance from the mesh, mm; 0: the default."""
     mesh = dense_surface(surface, curved)
     t = 2 * MM_PER_M * float(np.median(np.linalg.norm(curved.D, axis=1)))
     chord = np.minimum(MM_PER_M * chord_errors(mesh), MOST_CHORD * t)

@@ -43,7 +43,7 @@ from dsfab.surface.topology import faces_at
 @dataclass(frozen=True, eq=False)
 class Acceptance:
     """Verdict on a smooth piece of a sheet. volume : mm3.    reason : reason for a refusal; '' if accepted.
-    bad    : (k, 3) places where smaller tolerances may help.
+    bad : (k, 3) places where smaller tolerances may help.
     there, back : largest distances from piece to mesh, and from mesh to piece, mm."""
 
     reason: str
@@ -59,8 +59,7 @@ _NOWHERE = MeshDistances(0.0, 0.0, 0.0, np.zeros((0, 3)))
 def all_verdicts(
     gate: PieceJudge, pieces: dict[int, SmoothPiece], findings: dict[int, OcctFinding]
 ) -> dict[int, Acceptance]:
-    """Return a verdict on each piece, by number.
-    gate : comparison of the sheet with the mesh.    findings : OCCT's findings by piece number."""
+    """Return each piece's verdict. gate : comparison with the mesh.    findings : OCCT's findings by piece number."""
     distances = _distances(gate, {k: findings[k] for k in pieces if k in findings and findings[k].tessellates})
     return {
         k: piece_verdict(gate, k, piece, findings.get(k), distances.get(k, (_NOWHERE, _NOWHERE)))
@@ -89,8 +88,7 @@ def piece_verdict(
         (is_near, f"a smooth piece is {worst_way.worst:.2g} mm from the mesh; the limit is {worst_way.allowed:.2g} mm"),
         (
             is_kept,
-            f"the volume of a smooth piece differs from the volume of the mesh by "
-            f"{finding.volume / mesh_volume - 1:.1%}",
+            f"the volume of a smooth piece differs from that of the mesh by {finding.volume / mesh_volume - 1:.1%}",
         ),
     )
     reason = next((text for passed, text in tests if not passed), "")
@@ -350,8 +348,7 @@ def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) ->
 
 
 def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
-    """Return the mesh corners (k, 3) that are too far from the piece's edges.
-    corners : (n, 3) all mesh corners at walls."""
+    """Return the mesh corners (k, 3) too far from the piece's edges. corners : (n, 3) all mesh corners at walls."""
     chord_count, nearest_count = 64, 4  # number of chords per edge, and of nearest chords to compare with a corner
     x = np.linspace(0, 1, chord_count + 1)
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])

@@ -86,8 +86,7 @@ FIRST_POLES = 8.0  # number of poles of the first attempt: the geometric mean of
 
 @dataclass(frozen=True, eq=False)
 class SurfaceFit:
-    """Surface that was fitted to points.
-    off     : largest distance (mm) from the points to which the tolerance applies.
+    """Surface that was fitted to points. off : largest distance (mm) from the points to which the tolerance applies.
     size    : geometric mean of the wanted numbers of poles in both directions.
     starved : True if the number of points limited the number of poles."""
 
@@ -109,8 +108,7 @@ def fitted_surface(
     """Fit a surface with few poles to points on both skins.
     uv, Q       : (k, 2) points in a plane, and (k, 6) points on upper and lower skin, mm.
     inside      : (k,) True for points to which the tolerance (mm) applies.    weight : (k,) weights in the fit.
-    first_poles : number of poles at the start, geometric mean of both directions.
-    most_poles  : largest number of poles in a direction."""
+    first_poles : first number of poles, geometric mean of both directions.    most_poles : limit for each direction."""
     points_per_pole = 2.5  # with fewer points, surfaces have waves between the points and gaps at seams
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))

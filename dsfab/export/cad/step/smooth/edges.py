@@ -19,8 +19,7 @@ class OutlineNodes:
     """Outline vertices in the planes of their charts.
     uv     : by chart, positions (n, 2) in its plane, mm; nan for vertices outside of the chart.
     steep  : by chart, largest ratio (n,) of a length on the surface to its length in the plane.
-    around : by vertex, numbers of the charts at the vertex.
-    at     : by vertex, points (2, 3) on both skins, mm.
+    around : by vertex, numbers of the charts at the vertex.    at : by vertex, points (2, 3) on both skins, mm.
     gap    : by vertex, largest distance of the points `at` from the skins, mm."""
 
     charts: dict[int, SkinChart]
@@ -69,8 +68,7 @@ LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors of a curve's tolerance after 0, 1 an
 
 @dataclass(frozen=True, eq=False)
 class SmoothEdge:
-    """Curves along a part of an outline.
-    start, end   : vertices of the sheet.    wall : True at a wall; False where two charts meet.
+    """Curves along a part of an outline. start, end : vertices.    wall : True at a wall; False where two charts meet.
     upper, lower : cubic splines with equal knots, or lines.    flat : by chart, the curve in its plane.
     gap          : largest distance of `upper` and `lower` from the curves `flat`, mm."""
 
@@ -91,8 +89,7 @@ class SmoothEdge:
 
 @dataclass(frozen=True)
 class EdgeTolerances:
-    """Tolerances of edge curves. All fields are lengths (mm).
-    distance : allowed distance from the mesh.    chord : chord error of the mesh."""
+    """Tolerances of edge curves, mm. distance : allowed distance from the mesh.    chord : chord error of the mesh."""
 
     thickness: float
     distance: float
@@ -269,8 +266,7 @@ def _in_space(lines: list[Floats], shares: list[float]) -> list[Spline]:
 
 
 def run_key(run: OutlineRun) -> tuple[RunKey, bool]:
-    """Return a key for a part of an outline, and True if `run` has the direction of the key.
-    The key is the same for both directions of the part."""
+    """Return a key for a part of an outline, equal in both directions, and True if `run` has the key's direction."""
     v: Ints = run.vertices
     ahead = (int(v[0]), int(v[1]), int(v[-1]), int(v[-2]))
     back = (ahead[2], ahead[3], ahead[0], ahead[1])

@@ -313,8 +313,7 @@ def _knot_text_of_bytes(knots: bytes) -> KnotText:
 
 @dataclass(frozen=True, eq=False)
 class SmoothPieceFile:
-    """Text of a file and its measured properties.
-    pieces, smooth : number of pieces of the sheet, and of pieces with smooth faces.
+    """Text of a file and its measures. pieces, smooth : number of pieces of the sheet, and of pieces with smooth faces.
     gap         : widest gap between faces and edges of smooth pieces, mm.    volume : total volume, mm3.
     there, back : largest distance of the file from the mesh, and of the mesh from the file, mm.
     refused     : reason why pieces were refused, or ""."""
@@ -342,8 +341,7 @@ class SmoothPieceFile:
 
 
 def file_text(part: Part, which: list[tuple[SmoothModel, int]], rest: Part | None = None) -> str:
-    """Return the STEP text of smooth pieces, and of the part `rest` with planar faces.
-    which : model and number of each smooth piece."""
+    """Return the STEP text of smooth pieces (`which`: model and number), and of the part `rest` with planar faces."""
     entity_list, about = StepEntities(), "curved solid with outer surfaces of splines"
     writers = {id(model): SmoothText(entity_list, model) for model, _ in which}
     pieces, name = [writers[id(model)].piece(model.pieces[k]) for model, k in which], part.name

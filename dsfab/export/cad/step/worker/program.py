@@ -3,8 +3,7 @@
     python -P program.py COMMAND FILE ARGUMENTS ...
 
 prints one line of JSON. The commands are the functions of `COMMANDS`. Without arguments, the program reads a list of
-arguments from its input, as one line of JSON.
-Modules of this folder that the program needs import nothing from the rest of dsfab."""
+arguments from its input, as one line of JSON. Its modules import nothing from the rest of dsfab."""
 
 import gc
 import json

@@ -26,9 +26,8 @@ def occt_report(command: str, *arguments: str, seconds: float) -> dict[str, Any]
 @dataclass(frozen=True, eq=False)
 class StepMesh:
     """Triangles of a STEP file. solids : number of solids.    shape : OCCT's binary shape.
-    V, F       : (n, 3) points, mm, and (m, 3) triangles. Different STEP faces share no points.
-    face       : (m,) number of the STEP face of each triangle.
-    deflection : largest distance of the triangles from curved faces, mm."""
+    V, F : (n, 3) points, mm, and (m, 3) triangles. Different STEP faces share no points.
+    face : (m,) STEP face of each triangle.    deflection : largest distance of triangles from curved faces, mm."""
 
     V: Floats
     F: Ints

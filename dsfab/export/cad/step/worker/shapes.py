@@ -6,8 +6,7 @@ from typing import Any
 
 
 def read(path: Path) -> Any:
-    """Read the shape in a STEP, `.brep` or `.bin` file, millimetres.
-    Raises ValueError if OCCT finds no shape."""
+    """Read the shape in a STEP, `.brep` or `.bin` file, millimetres. Raises ValueError if OCCT finds no shape."""
     from OCP.BinTools import BinTools
     from OCP.BRep import BRep_Builder
     from OCP.BRepTools import BRepTools
@@ -126,10 +125,9 @@ def without_triangles(faces: list[Any]) -> list[Any]:
 
 
 def step_facts(path: Path) -> dict[str, Any]:
-    """Return the counts and measures of a STEP, `.brep` or `.bin` file, in millimetres.
+    """Return the counts and measures of a STEP, `.brep` or `.bin` file, mm. Raises ValueError if OCCT finds no shape.
     Solids: {"solids": 1, "faces": 6, "valid": true, "tessellates": true, "volume": 1000.0}.
-    Triangles: {"triangles": 12, "volume": 1000.0}.    Lines: {"lines": 3, "length": 12.0}.
-    Raises ValueError if OCCT finds no shape."""
+    Triangles: {"triangles": 12, "volume": 1000.0}.    Lines: {"lines": 3, "length": 12.0}."""
     accuracy = 1e-5
     shape = read(path)
     text = b"" if path.suffix == ".brep" else path.read_bytes()

@@ -80,8 +80,7 @@ def sample(path: Path) -> dict[str, Any]:
 
 
 def _volume(shape: Any) -> float:
-    # OCCT's adaptive rule is not accurate enough for plates with many holes.
-    return gauss_kronrod_volume(shape, accuracy=1e-6)
+    return gauss_kronrod_volume(shape, accuracy=1e-6)  # OCCT's adaptive rule is too inaccurate for many holes
 
 
 def _plain_volume(shape: Any) -> float:

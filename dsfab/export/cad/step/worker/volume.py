@@ -14,8 +14,7 @@ MANY_EDGES = 16  # faces with at least this many edges are integrated by Green's
 
 
 class PlaneSpline(NamedTuple):
-    """Curve in a surface's parameter plane.
-    knots : repeated by their multiplicity.    way : 1, or -1 if the edge is reversed."""
+    """Curve in a surface's parameter plane. knots : repeated by multiplicity.    way : 1, or -1 for a reversed edge."""
 
     degree: int
     knots: list[float]
