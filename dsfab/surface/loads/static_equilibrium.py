@@ -41,10 +41,10 @@ class LiftingRule:
     ) -> "LiftingRule":
         """Return the rule for the loads of a preset. Loads that do not show their kind count one by one as leading
         variable loads: they may lift, and never hold down. Permanent loads that cases repeat count once."""
-        pairs = _separated(loads, actions)
+        pairs = _separate_loads(loads, actions)
         sets = _permanent_sets(pairs, actions)
         regroup = any(load.case != origin.case for load, origin in pairs) or len(sets) > 1
-        common = _repeated(sets) if regroup else []
+        common = _common_loads(sets) if regroup else []
         acting: list[Load] = [replace(load, case=COMMON) for load in common]
         kinds: dict[str, ActionKind] = {COMMON: "permanent"}
         optional = dict[str, None]()
@@ -81,7 +81,7 @@ def _bare(load: Load) -> Load:
     return replace(load, case=COMMON, name="")
 
 
-def _separated(loads: Sequence[Load], actions: Mapping[str, ActionKind]) -> list[tuple[Load, Load]]:
+def _separate_loads(loads: Sequence[Load], actions: Mapping[str, ActionKind]) -> list[tuple[Load, Load]]:
     """Return each load with the name of its separate case, and as it is in the preset."""
     pairs = list(zip(loads_by_action(loads, actions), loads, strict=True))
     names = [load.case for load in loads]
@@ -104,14 +104,14 @@ def _permanent_sets(pairs: Sequence[tuple[Load, Load]], actions: Mapping[str, Ac
         case: loads
         for case, loads in by_case.items()
         if all(load.case == origin.case for load, origin in pairs if origin.case == case)
-        and not any(load in other for name, other in by_case.items() if name != case for load in loads)
+        and not any(load in rest for name, rest in by_case.items() if name != case for load in loads)
     }
     added = [load for loads in alone.values() for load in loads]
     sets = [loads for case, loads in by_case.items() if case not in alone]
     return sets or ([added] if added else [])
 
 
-def _repeated(sets: Sequence[list[Load]]) -> list[Load]:
+def _common_loads(sets: Sequence[list[Load]]) -> list[Load]:
     """Return the loads that are in each set, as often as in the set with the fewest of them."""
     smallest = min(sets, key=len, default=[])
     return [
