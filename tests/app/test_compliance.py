@@ -471,7 +471,7 @@ def test_a_competitor_that_is_a_mechanism_or_has_no_cut_fails_with_a_reason(tmp_
     write_report(found, [], tmp_path)
     _, text = read_page(tmp_path)
     assert ("The sheet is a mechanism: it turns about a hinge." in text) == drawn
-    assert ("1 of 2 pieces of material reach no support" in text) != drawn
+    assert ("1 of 2 pieces reach no support" in text) != drawn
 
 
 @pytest.mark.parametrize(

@@ -142,7 +142,7 @@ def test_the_editor_exports_one_file_and_names_it(outputs, dropped):
         assert job.result["told"][-1].startswith("csv: ")
         job = wait(session.jobs, session.ask_build(STL, only="calculix")["job"])
         assert job.state == "done", job.text
-        assert job.result["told"][-1] == "compare: cd outputs/my_roof && ccx my_roof, then read my_roof.dat"
+        assert job.result["told"][-1] == "to compare, run cd outputs/my_roof && ccx my_roof, then read my_roof.dat"
         with pytest.raises(ExportError, match="is not a format"):
             session.ask_build(STL, only="docx")
 

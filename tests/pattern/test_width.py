@@ -612,5 +612,5 @@ def test_a_share_holds_where_many_bridges_are_built(monkeypatch):
     monkeypatch.setattr("dsfab.slicing.cutting.halving.GAIN", np.inf)
     arena = Path(__file__).parents[2] / "docs" / "examples" / "arena.toml"
     design = sliced(dsfab.load_preset(arena))
-    assert any("bridges where openings are narrower" in note.text for note in design.notes)
+    assert any("bridges between members where openings are narrower" in note.text for note in design.notes)
     assert design.sheet.surface.area / design.surface.area == pytest.approx(0.3, abs=1e-3)

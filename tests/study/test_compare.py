@@ -193,7 +193,7 @@ def test_competitors_that_fall_apart_are_listed_and_do_not_count():
     sphere = draft(dsfab.load_preset(SPHERE_GRADED_MODES, {"surface.edge": 0.2}))
     compared = compare_at(sphere, 0.5, ["von_mises"])
     rings = compared["von_mises"]
-    assert rings.error.startswith("none of 4 variants carries the loads; the first: falls apart")
+    assert rings.error.startswith("none of 4 variants carries the loads; the first: the structure falls apart")
     assert (rings.spread.tried, rings.spread.carried, rings.spread.best) == (4, 0, float("inf"))
     assert compared.gain("von_mises") == float("inf")
     row = compared.record()["competitors"][2]

@@ -77,7 +77,7 @@ def test_parts_are_spliced_for_shorter_sheets_if_long_sheets_are_expensive():
     assert {sheet.size for sheet in dear.sheets} == {(2.5, 1.25)}
     cost = 45 * len(dear.sheets)
     assert f"sheets cost {cost} together: {len(dear.sheets)} of 2.5 x 1.25 m at 45" in dear.notes
-    assert any(note.startswith("stock with sheets up to 6 x 1.25 m would cost") for note in dear.notes)
+    assert any(note.startswith("a stock with sheets up to 6 x 1.25 m would cost") for note in dear.notes)
     assert ("Price of the sheets", str(cost)) in sheet_figures(dear)
     rows = list(csv.DictReader(io.StringIO(cut_list(dear))))
     assert sum(float(row["cost"]) for row in rows) == pytest.approx(cost, abs=0.005 * len(rows))
