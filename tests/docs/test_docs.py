@@ -329,7 +329,7 @@ def test_the_commands_of_the_ten_minute_lesson_give_the_shown_output(tmp_path, m
         assert main([*shlex.split(block)[1:], *quick.get(command, [])]) == 0, block
         out = capsys.readouterr().out
         for text in {"build": 3, "preview": 0}.get(command, 1) * [shown]:
-            assert missing(next(text).strip().splitlines(), out) == []
+            assert missing(next(text).strip().splitlines(), out) == [], out
     for name in ("my_roof/my_roof.step", "my_roof/compliance/report.pdf", "my_roof/workshop/nest.dxf"):
         assert (tmp_path / "outputs" / name).stat().st_size > 10_000, name
     assert next(shown, None) is None
