@@ -94,7 +94,7 @@ def test_the_page_names_no_file_here(tmp_path):
     with pytest.raises(PresetError, match=r"surface\.file"):
         now.preset_with({"surface": {"file": "/etc/passwd", "support": [], "load": []}})
     text = now.toml({}).replace('shape = "dome"', 'file = "/etc/hostname"')
-    with pytest.raises(PresetError, match="drop the mesh file"):
+    with pytest.raises(PresetError, match="needs the mesh file"):
         now.open_toml(text)
     with pytest.raises(PresetError, match="no preset"):
         opened_shipped("../presets/dome")
