@@ -260,7 +260,7 @@ class MemberGraph:
             )
         if grazing:
             lines.append(
-                f"overlaps of members that are no nodes: {len(grazing)}; these members graze, and their middle lines do not meet"
+                f"overlaps of members that are no nodes: {len(grazing)}; these members graze: their middle lines do not meet"
             )
         return tuple(lines)
 
