@@ -260,7 +260,7 @@ class MemberGraph:
             )
         if grazing:
             lines.append(
-                f"overlaps of members that are no nodes: {len(grazing)}; these members graze: their middle lines do not meet"
+                f"{len(grazing)} x members graze: their overlap is no node, because their middle lines do not meet"
             )
         return tuple(lines)
 
