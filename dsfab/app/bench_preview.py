@@ -31,7 +31,7 @@ SOFTWARE = re.compile(r"llvmpipe|softpipe|swrast|swiftshader|software|gdi generi
 
 
 def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
-    """Return a wavy torus as vertices (n, 3) and faces (m, 3), with test values (n, 6) for the stripe shader."""
+    """Return a wavy torus of about `triangles` faces: V (n, 3), F (m, 3), test values (n, 6) for the stripe shader."""
     rows = max(round((triangles / 6) ** 0.5), 3)
     columns = 3 * rows
     i, j = np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij")

@@ -264,7 +264,7 @@ def _comparisons(
     except DsfabError as error:
         if not shares:
             raise
-        reporter.print_line(f"compare     dsfab cannot compare the design with its own share of material: {error}")
+        reporter.print_line(f"compare     dsfab cannot compare at the design's own share of material: {error}")
     # `whole` uses several meshes, because a single coarse mesh makes uncut sheets 25 % too soft
     judge = store.keeping(checks.judge(questions.level or "whole"), every=False)
     for share in shares:

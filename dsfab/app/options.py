@@ -287,7 +287,7 @@ def estimate_lines(design: "Design") -> Iterator[str]:
         if estimate.refused or estimate.note:
             yield f"  {estimate.way}: {estimate.refused or estimate.note}"
     if not any(estimate.chosen for estimate in estimates):
-        yield "no kind of STEP file is within the limits; raise --max-faces or --max-mb, or write stl or 3mf"
+        yield "no method can write a STEP file within the limits; raise --max-faces or --max-mb, or write stl or 3mf"
 
 
 def _estimate_row(estimate: "Estimate") -> tuple[str, ...]:

@@ -51,7 +51,7 @@ def summary_text(rows: "Sequence[TrialRow]") -> str:
 
     result = summary(rows)
     return (
-        f"error bounds of {result.designs} random designs: the bound holds for {result.inside:.0%} designs, the "
+        f"error bounds of {result.designs} random designs: the bound holds for {result.inside:.0%} of them, the "
         f"median bound is {result.median_bound:.1%}, the largest error {result.largest_error:.1%}; {result.converged} "
         f"designs converged; by one solve (quick), the median error is {result.quick_median:.1%}, and 90 % of the "
         f"errors are under {result.quick_most:.1%}"

@@ -129,7 +129,7 @@ def distances_from_segments(points: Floats, a: Floats, b: Floats) -> Floats:
 
 
 def positions_on_segments(points: Floats, a: Floats, b: Floats) -> Floats:
-    """Return the position (...) of the nearest point on each segment from a to b (..., 3): 0 at a and 1 at b."""
+    """Return positions (...), 0 at a to 1 at b (..., 3), of the places on segments nearest to points (..., 3)."""
     along, to = b - a, points - a
     squared = np.maximum(np.einsum("...i,...i->...", along, along), np.finfo(float).tiny)
     return np.asarray(np.clip(np.einsum("...i,...i->...", to, along) / squared, 0, 1))

@@ -80,7 +80,7 @@ class StageResults:
         return any(name in self.results for name in RESULT_NAMES.get(stage, (stage,)))
 
     def result(self, name: str, compute: Callable[[], T]) -> T:
-        """Return the result of stage `name`. The first call computes the result and deletes the inputs of the stage."""
+        """Return the result `name`. The first call computes the result and deletes the inputs of the stage `name`."""
         if name not in self.results:
             self.results[name] = compute()
             for key in [key for key, (stage, _) in self.inputs.items() if stage == name]:

@@ -58,7 +58,7 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
         asymmetry = max(symmetry.asymmetry(surface, x) for modes in (major, minor) for x in modes.X.T)
         log.note(
             "diffusion",
-            f"modes have the symmetries {', '.join(options.symmetry)} ({symmetry.order} images of each stripe), with "
+            f"modes have the symmetries {', '.join(options.symmetry)} ({symmetry.order} symmetric images), with "
             f"a relative error of {asymmetry:.1g} on this mesh",
         )
     # errors are below 10 % if the surface is at least 3.2 sqrt(r) edges wide; r is the anisotropy of the diffusion

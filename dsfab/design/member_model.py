@@ -117,7 +117,7 @@ def beam_model(
     loads: Mapping[str, LoadCase],
 ) -> "Frame":
     """Return the beam model of a cut sheet with its members.
-    graph : members and nodes.    cases : loads of the uncut sheet.    loads : the same loads on the cut sheet.
+    cases : results of `action_cases`, by name.    loads : these loads on the cut sheet, by the same names.
     Raises StaticsError if no member has an axis."""
     from dsfab.members.frame import BeamMaterial, frame_of
 

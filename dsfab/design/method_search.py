@@ -186,7 +186,7 @@ def uncrowded_candidate(
 
 
 def uncrowded_changes(design: DesignDraft, plate: FilledOpenings) -> Iterator[dict[str, object]]:
-    """Yield changes of [pattern], as values by key, that may prevent `plate`: an area whose openings were filled."""
+    """Yield up to four changes of [pattern], values by key, that may prevent `plate`: an area of filled openings."""
     options, surface, load = design.preset.pattern, design.surface, design.statics.load
     spacings = {name: getattr(options, name).distance(surface.area, surface.mean_edge) for name in options.family_names}
     distance = np.linalg.norm(surface.V[load.supported | load.loaded] - plate.place, axis=1).min(initial=np.inf)

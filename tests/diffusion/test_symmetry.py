@@ -114,7 +114,7 @@ def test_sectors_of_a_dome_keep_the_same_area(turns, tolerance):
     changes = DOME | {"diffusion.symmetry": [f"rot:{turns}:z"], "diffusion.modes": 3, "pattern.minor.mode": 2}
     design = dsfab.run(dsfab.load_preset(DOME_MODES, changes))
     assert np.abs(shares(design, turns) - 1).max() < tolerance
-    assert f"modes have the symmetries rot:{turns}:z ({turns} images of each stripe)" in " ".join(
+    assert f"modes have the symmetries rot:{turns}:z ({turns} symmetric images)" in " ".join(
         note.text for note in design.notes
     )
 

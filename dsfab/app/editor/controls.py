@@ -97,7 +97,7 @@ def _mesh_controls(surface: Surface) -> list[Control]:
 
 
 _REFINE = "Triangles are divided until no edge is longer than this; off: no triangle is divided."
-_SMOOTH = "When triangles are divided, new vertices also round the surface (Loop subdivision)."
+_SMOOTH = "When triangles are divided, vertices also move, so that the surface becomes smoother (Loop subdivision)."
 
 
 def _workshop_controls(surface: Surface) -> list[Control]:

@@ -61,7 +61,7 @@ class Outputs:
 
     def write_file(self, name: str, suffix: str, content: bytes) -> Path:
         """Write a file into `home` and return the path. Raises DsfabError.
-        An older file with different content stays; the new file then has the name NAME-2, NAME-3 ..."""
+        An older file of another session with different content stays; the new file is then NAME-2, NAME-3 ..."""
         self.folder(name)
         paths = (self.home / f"{word}{suffix}" for word in _numbered_names(name))
         path = next(path for path in paths if path in self._ours or _may_write(path, content))

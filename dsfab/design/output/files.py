@@ -144,7 +144,7 @@ def _shortest_path(
 
 
 def _turned_for_smooth_seam(surface: Surface, rounds: int = 1000) -> Bools:
-    """Return a mask (m,) of faces to turn over, so that normals agree across at least half of each outline."""
+    """Return a mask (m,) of faces to turn over, so that normals agree across at least half of a face's outline."""
     h0, h1 = surface.edges.pairs.T
     f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
     lengths = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
@@ -176,8 +176,8 @@ def _seam(surface: Surface) -> Bools:
 
 
 def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
-    """Write one file in the format of the suffix of `path`, and check it; return the path. A design gives the same
-    file as `dsfab build` or `dsfab export`. A solid, a sheet or a surface gives a file with its mesh.
+    """Write one file in the format of the suffix of `path`, and read it back as a check; return the path. A design
+    gives the same file as `dsfab build` or `dsfab export`. A solid, a sheet or a surface gives a file with its mesh.
     options : keywords of `dsfab.export.write` that replace values of the preset. Raises ExportError on failure."""
     if not isinstance(item, Design):
         return written(item.surface if isinstance(item, Sheet) else item, path, **options)

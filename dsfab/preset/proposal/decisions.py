@@ -152,7 +152,7 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     yield Decision("carries", loads, "surface.load, or --load snow, wind, people, none")
     over = "" if figure else f", 1/{size.ratio} of the span of {length(size.bridged or size.span)}"
     material = (
-        f"{size.material}; `dsfab size` chooses the thickness of the sheet; first guess: {length(size.thickness)}{over}"
+        f"{size.material}; `build` chooses the thickness of the sheet; first guess: {length(size.thickness)}{over}"
     )
     yield Decision("made of", material, "statics.material, statics.thickness")
     across = f", about {round(size.span / size.spacing)} across" if not figure and _fills(surface, size) else ""
